@@ -1,0 +1,1 @@
+//! Cameras, depth to TSDF, key points, signed distance fields, object models and meshes.

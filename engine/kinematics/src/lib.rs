@@ -1,0 +1,1 @@
+//! URDF to compiled chain: forward kinematics, Jacobian, inverse kinematics.

@@ -1,0 +1,1 @@
+//! Collision model, path planner, time parameterisation and command limits.

@@ -1,0 +1,1 @@
+//! The C boundary of a plugin: repr(C) types only.

@@ -1,0 +1,1 @@
+//! Registry of built-in plugins; discovery and loading of dynamic libraries.

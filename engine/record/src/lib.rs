@@ -1,0 +1,1 @@
+//! Recording of a run: MCAP channels, the report, its pictures and its page.

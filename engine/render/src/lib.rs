@@ -1,0 +1,1 @@
+//! CPU renderer: meshes to RGB-D images and pictures.

@@ -1,0 +1,1 @@
+//! Behaviour trees with typed ports, a blackboard and a journal.

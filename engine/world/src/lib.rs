@@ -1,0 +1,1 @@
+//! Simulated scene: arm and hand multibody, objects, grains, cameras and the judge.

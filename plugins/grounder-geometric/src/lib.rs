@@ -1,0 +1,1 @@
+//! Scene inventory and affordance masks from RGB-D geometry alone.

@@ -1,0 +1,1 @@
+//! Grasp functionality from an embedded knowledge base.

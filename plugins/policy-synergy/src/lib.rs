@@ -1,0 +1,1 @@
+//! Closing along the synergy of the grasp type, stopped by motor current.

@@ -1,0 +1,1 @@
+//! Hand profiles: synergy matrix, joint order, grasp types to synergy coordinates.
