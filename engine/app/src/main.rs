@@ -1,1 +1,195 @@
-fn main() {}
+//! `sfg`: grasps things as they are meant to be held, from a sentence.
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "a command speaks to its user")]
+
+mod assets;
+mod check;
+mod exit;
+mod pictures;
+mod plugins;
+mod run;
+mod scene;
+mod sensed;
+mod statistics;
+mod sweep;
+
+use crate::assets::Assets;
+use crate::check::Checked;
+use anyhow::{Context as _, Result};
+use clap::{Parser, Subcommand};
+use sfg_types::{Instruction, RunReport, StageRecord};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Finds, grasps and uses things with a humanoid's hand, from a typed sentence.
+///
+/// Without a command it runs the demo: pours from a bottle into a bowl in the built-in simulator.
+#[derive(Parser)]
+#[command(name = "sfg", version, after_help = exit::HELP)]
+struct Cli {
+    /// Folder of robots, objects and scenarios.
+    #[arg(long, global = true, value_name = "FOLDER")]
+    assets: Option<PathBuf>,
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Runs a scenario and judges it.
+    Run {
+        /// Scenario file.
+        scenario: PathBuf,
+        #[command(flatten)]
+        options: RunOptions,
+    },
+    /// Runs a sentence in a scene: the scene's scenario with another instruction.
+    Say {
+        /// What to do.
+        sentence: String,
+        /// Scenario whose scene, robot and tree are used.
+        #[arg(long, value_name = "FILE")]
+        scene: Option<PathBuf>,
+        #[command(flatten)]
+        options: RunOptions,
+    },
+    /// Finds every mistake of a scenario without running it.
+    Check {
+        /// Scenario file.
+        scenario: PathBuf,
+    },
+    /// Runs a scenario over many seeds and prints success rates with their intervals.
+    Sweep(sweep::SweepOptions),
+    /// One step of a sweep, for schedulers: plan, run-shard, merge.
+    #[command(subcommand)]
+    Shard(sweep::ShardCommand),
+    /// Prints the JSON Schema of scenario files.
+    Schema,
+}
+
+#[derive(clap::Args, Clone)]
+struct RunOptions {
+    /// What to do instead of the scenario's own instruction.
+    #[arg(long, value_name = "SENTENCE")]
+    instruction: Option<String>,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder for report, recording and pictures; a new one under runs/ when left out.
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+}
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    static HANDLER: OnceLock<()> = OnceLock::new();
+    HANDLER.get_or_init(|| {
+        // A second Ctrl-C ends the process at once; the first halts the robot.
+        let handler = || {
+            if INTERRUPTED.swap(true, Ordering::Relaxed) {
+                std::process::exit(i32::from(exit::INTERRUPTED));
+            }
+        };
+        if let Err(error) = ctrlc::set_handler(handler) {
+            eprintln!("warning: Ctrl-C will not halt the robot first: {error}");
+        }
+    });
+    match execute(cli) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(if error.is::<check::BadInput>() { exit::BAD_INPUT } else { exit::ENVIRONMENT })
+        }
+    }
+}
+
+fn execute(cli: Cli) -> Result<ExitCode> {
+    let assets = cli.assets.as_deref();
+    match cli.command {
+        None => {
+            let assets = Assets::open(assets)?;
+            let scenario = assets.folder.join("01_pour.yaml");
+            run_one(&assets, &scenario, &RunOptions { instruction: None, seed: 1, out: None })
+        }
+        Some(Command::Run { scenario, options }) => run_one(&Assets::open(assets)?, &scenario, &options),
+        Some(Command::Say { sentence, scene, options }) => {
+            let assets = Assets::open(assets)?;
+            let scenario = scene.unwrap_or_else(|| assets.folder.join("01_pour.yaml"));
+            run_one(&assets, &scenario, &RunOptions { instruction: Some(sentence), ..options })
+        }
+        Some(Command::Check { scenario }) => {
+            let checked = Checked::load(&Assets::open(assets)?, &scenario)?;
+            println!("{}: no mistakes, {} nodes", scenario.display(), checked.n_nodes()?);
+            Ok(ExitCode::SUCCESS)
+        }
+        Some(Command::Sweep(options)) => sweep::sweep(&Assets::open(assets)?, &options),
+        Some(Command::Shard(command)) => sweep::shard(&Assets::open(assets)?, &command),
+        Some(Command::Schema) => {
+            let assets = Assets::open(assets)?;
+            println!("{}", check::schema_text(&assets)?);
+            Ok(ExitCode::SUCCESS)
+        }
+    }
+}
+
+fn run_one(assets: &Assets, scenario: &Path, options: &RunOptions) -> Result<ExitCode> {
+    let checked = Checked::load(assets, scenario)?;
+    let instruction = match (&options.instruction, &checked.scenario.instruction) {
+        (Some(text), _) => Instruction::new(text).map_err(|error| check::BadInput(error.to_string()))?,
+        (None, Some(instruction)) => instruction.value.clone(),
+        (None, None) => {
+            let message = format!("{} has no instruction; give one with --instruction", scenario.display());
+            return Err(check::BadInput(message).into());
+        }
+    };
+    let folder = match &options.out {
+        Some(folder) => folder.clone(),
+        None => default_folder(scenario, options.seed)?,
+    };
+    println!("“{}” · {} · seed {}", instruction.as_str(), scenario.display(), options.seed);
+    let report = run::run(&run::RunRequest {
+        scenario: &checked.scenario,
+        registry: &checked.registry,
+        assets,
+        model: &checked.model,
+        instruction,
+        seed: options.seed,
+        folder: Some(folder.clone()),
+        interrupted: &INTERRUPTED,
+        on_stage: &print_stage,
+    })?;
+    print_verdict(&report);
+    println!("report: {}", folder.join("report.html").display());
+    Ok(exit::code(report.outcome))
+}
+
+fn default_folder(scenario: &Path, seed: u64) -> Result<PathBuf> {
+    let now_secs = SystemTime::now().duration_since(UNIX_EPOCH).context("the system clock is before 1970")?.as_secs();
+    let stem = scenario.file_stem().unwrap_or_default().to_string_lossy();
+    Ok(PathBuf::from("runs").join(format!("{now_secs}-{stem}-{seed}")))
+}
+
+fn print_stage(stage: &StageRecord, wall_secs: f64) {
+    let mark = stage.failure.map_or_else(|| "ok".to_owned(), |reason| reason.name().to_owned());
+    println!("{:7.2} s  {:22} {mark:5} {}  [{:.0} ms]", stage.stamp_secs, stage.stage, stage.summary, 1000.0 * wall_secs);
+}
+
+fn print_verdict(report: &RunReport) {
+    if let Some(failure) = &report.failure {
+        println!("failed: {} at {}: {}", failure.reason, failure.node, failure.explanation);
+    }
+    for predicate in &report.predicates {
+        let word = if predicate.passed { "holds" } else { "FAILS" };
+        println!("  {word}  {} ({}): {}", predicate.predicate, predicate.evaluator, predicate.measured);
+    }
+    println!(
+        "verdict: {:?} after {:.1} s of robot time, {:.1} s of yours",
+        report.outcome,
+        report.duration_secs,
+        report.timings["total_secs"].as_f64().unwrap_or(0.0)
+    );
+}

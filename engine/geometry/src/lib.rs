@@ -1,1 +1,26 @@
 //! Cameras, depth to TSDF, key points, signed distance fields, object models and meshes.
+//!
+//! | module | in | out |
+//! |---|---|---|
+//! | [`cloud`] | depth image, mask | points in base |
+//! | [`key_point`] | masks, views | task key point, affordance region of the grid |
+//! | [`tsdf`] | depth views, object masks | fused grid, its samples, gradients and surface points |
+//! | [`object`] | declarative model or scan | exact signed distance, labels, meshes, collision pieces, mass |
+//! | [`mesh`] | triangles, OBJ text | volume, watertightness, OBJ text |
+//!
+//! The crate reads no configuration and knows no robot; all lengths are metres.
+
+pub mod cloud;
+mod error;
+pub mod key_point;
+pub mod mesh;
+pub mod object;
+pub mod tsdf;
+
+pub use error::GeometryError;
+pub use key_point::{affordance_region, task_key_point};
+pub use mesh::TriMesh;
+pub use object::{
+    Interior, LabelledPiece, MassProperties, ObjectInstance, ObjectModel, ObjectParams, Part, Piece, ScannedObject,
+};
+pub use tsdf::{SurfacePoint, TsdfView, fuse_views, surface_points};

@@ -1,1 +1,21 @@
 //! URDF to compiled chain: forward kinematics, Jacobian, inverse kinematics.
+//!
+//! [`RobotModel::load`] reads a robot description (`scenarios/robots/curi.yaml`), its URDF and the hands that it names, and
+//! compiles them to one tree. [`RobotModel::arm_chain`] cuts the seven joints of an arm out of it; [`IkSolver`] inverts that chain.
+//! The crate knows no obstacles and no time.
+
+pub mod chain;
+pub mod description;
+pub mod error;
+pub mod ik;
+pub mod robot;
+pub mod shape;
+pub mod tree;
+
+pub use chain::{Chain, JointLimits};
+pub use description::{ArmDescription, CameraDescription, Mount, RobotDescription};
+pub use error::KinematicsError;
+pub use ik::{IkOutcome, IkSettings, IkSolver};
+pub use robot::{Arm, Camera, RobotModel};
+pub use shape::{Primitive, Shape};
+pub use tree::{Inertial, Joint, JointKind, JointSource, Link, Tree};

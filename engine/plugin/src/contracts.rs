@@ -1,8 +1,8 @@
 //! One trait a stage, in the order of the data path.
 
 use sfg_types::{
-    AffordanceMask, FunctionalityAnswer, GraspType, HandFeedback, HandProfile, HandSide, Instruction, ObjectCluster,
-    Observation, PalmPoseCandidate, Pose, RobotCommand, RobotState, SceneInventory, SynergyCoordinates, TaskKeyPoint, Tsdf,
+    AffordanceMask, FunctionalityAnswer, GraspType, HandFeedback, HandProfile, HandSide, Instruction, ObjectCluster, Observation,
+    PalmPoseCandidate, Pose, RobotCommand, RobotState, SceneInventory, SynergyCoordinates, TaskKeyPoint, Tsdf,
 };
 use std::path::Path;
 

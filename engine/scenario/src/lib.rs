@@ -1,1 +1,25 @@
 //! YAML scenarios: parsed with positions, checked as a whole, built into a tree.
+//!
+//! [`Scenario::load`] reads a file and reports every mistake at once, each with file, line, column, the line itself and what to
+//! write instead. The names it accepts come from a [`Vocabulary`] and from the node registry, so that this crate knows no node,
+//! no plugin and no object model.
+
+mod document;
+mod mistake;
+mod plugins;
+mod reader;
+mod scenario;
+mod scene;
+mod schema;
+mod success;
+mod tree;
+mod vocabulary;
+
+pub use document::{MAX_ALIAS_EXPANSION, MAX_DEPTH, MAX_FILE_BYTES};
+pub use mistake::{At, Mistake, Place, ScenarioErrors, Source};
+pub use plugins::{PluginChoice, Plugins};
+pub use scenario::{Limits, Scenario, Workspace};
+pub use scene::{Distractors, ObjectShape, Placement, Range, Scene, SceneObject};
+pub use schema::schema;
+pub use success::{Predicate, Success};
+pub use vocabulary::Vocabulary;

@@ -1,1 +1,53 @@
 //! Behaviour trees with typed ports, a blackboard and a journal.
+//!
+//! A [`Registry`] holds the node kinds. A [`TreeSpec`] says which nodes a tree has and what their ports are given;
+//! [`Registry::build`] checks it as a whole and makes a [`Tree`]. The owner ticks the tree with its own context and time.
+//! The crate knows no robot and no file format.
+//!
+//! ```
+//! use sfg_tree::{NodeSpec, PortSpec, Registry, Status, TreeSpec};
+//!
+//! let mut registry = Registry::<Vec<String>>::new();
+//! registry.step("measure", [PortSpec::output::<f64>("width_m")], |tick| {
+//!     tick.set("width_m", 0.08);
+//!     Ok(())
+//! });
+//! registry.step("say", [PortSpec::input::<f64>("width_m")], |tick| {
+//!     let width_m = tick.input::<f64>("width_m")?;
+//!     tick.context.push(format!("{width_m} m"));
+//!     Ok(())
+//! });
+//! let spec = TreeSpec::new(NodeSpec::new("sequence").child(NodeSpec::new("measure")).child(NodeSpec::new("say")));
+//! let mut tree = registry.build(&spec).map_err(|errors| errors[0].to_string())?;
+//! let mut said = Vec::new();
+//! assert_eq!(tree.tick(0.0, &mut said), Status::Success);
+//! assert_eq!(said, ["0.08 m"]);
+//! # Ok::<(), String>(())
+//! ```
+
+mod action;
+mod blackboard;
+mod builder;
+mod check;
+mod control;
+mod decorator;
+mod journal;
+mod literal;
+mod nearest;
+mod port;
+mod problem;
+mod registry;
+mod spec;
+mod status;
+mod tree;
+
+pub use action::{Action, Tick};
+pub use journal::{Change, JournalLevel, Record};
+pub use literal::{FromLiteral, Literal, Shape};
+pub use nearest::nearest;
+pub use port::{Direction, PortSpec, PortType};
+pub use problem::{BuildError, EntryError, Problem};
+pub use registry::{NodeClass, NodeModel, Registry};
+pub use spec::{NodeKind, NodeSpec, PortSetting, PortValue, SubtreePort, SubtreeSpec, TreeSpec};
+pub use status::{Failure, Outcome, Progress, Status, reason};
+pub use tree::{FailureAt, NodeDefinition, NodeId, Tree};

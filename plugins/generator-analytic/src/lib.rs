@@ -1,1 +1,28 @@
-//! Palm poses from the TSDF surface, ranked by quasi-static closing and wrench margin.
+//! Palm poses from the TSDF surface, ranked by quasi-static closing and wrench margin. No learning, no object model.
+//!
+//! | step | module |
+//! |---|---|
+//! | surface samples of the TSDF | [`surface`] |
+//! | a solid of revolution or box fitted to the part and to the rest | [`shape`] |
+//! | one distance field; the unseen side is the fit, never free space | [`field`] |
+//! | palm poses for the grasp type | [`sampling`] |
+//! | every finger closed along the synergy until it touches | [`closing`], on the compiled [`hand`] |
+//! | force that the contacts resist | [`wrench`] |
+//! | score, diversity | [`ranking`] |
+//!
+//! Assumptions, stated because no camera shows them: the hidden side continues the fitted shape; friction and mass are the
+//! settings' values; the object stays where it is while the hand closes; the palm comes to bear once the fingers pull.
+
+pub mod closing;
+pub mod field;
+mod generator;
+pub mod hand;
+pub mod ranking;
+pub mod sampling;
+pub mod settings;
+pub mod shape;
+pub mod surface;
+pub mod wrench;
+
+pub use generator::AnalyticGenerator;
+pub use settings::AnalyticSettings;

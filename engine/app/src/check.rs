@@ -1,0 +1,118 @@
+//! A scenario with everything that it names found and fitting.
+
+use crate::assets::Assets;
+use crate::{plugins, sensed};
+use anyhow::Result;
+use sfg_driver_sim::world::{PREDICATES, Predicate};
+use sfg_kinematics::RobotModel;
+use sfg_plugin_host::Contract;
+use sfg_scenario::{Mistake, Scenario, Vocabulary};
+use sfg_skills::SkillContext;
+use sfg_tree::Registry;
+use sfg_types::FailureReason;
+use std::path::Path;
+
+/// Something the user gave is wrong: told apart from a broken environment by its exit code.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct BadInput(pub(crate) String);
+
+/// A checked scenario, the nodes it was checked with and its robot.
+pub(crate) struct Checked {
+    pub(crate) scenario: Scenario,
+    pub(crate) registry: Registry<SkillContext>,
+    pub(crate) model: RobotModel,
+}
+
+impl Checked {
+    /// Loads and checks the scenario in the file at `path`.
+    pub(crate) fn load(assets: &Assets, path: &Path) -> Result<Self> {
+        let registry = node_registry();
+        let vocabulary = vocabulary(assets);
+        let scenario = Scenario::load(path, &registry, &vocabulary)
+            .map_err(|errors| BadInput(format!("{}\n{errors}", summary(errors.count()))))?;
+        let mistakes = predicate_mistakes(&scenario);
+        if !mistakes.is_empty() {
+            let errors = scenario.errors(mistakes);
+            return Err(BadInput(format!("{}\n{errors}", summary(errors.count()))).into());
+        }
+        let robot = &assets.robots[&scenario.robot.value];
+        let model = RobotModel::load(robot).map_err(|error| BadInput(error.to_string()))?;
+        Ok(Self { scenario, registry, model })
+    }
+
+    /// How many nodes the scenario's tree has.
+    pub(crate) fn n_nodes(&self) -> Result<usize> {
+        Ok(self.scenario.build_tree(&self.registry)?.definition().count())
+    }
+}
+
+fn summary(n_mistakes: usize) -> String {
+    if n_mistakes == 1 { "1 mistake".to_owned() } else { format!("{n_mistakes} mistakes") }
+}
+
+/// Every node a scenario can use.
+fn node_registry() -> Registry<SkillContext> {
+    let mut registry = Registry::new();
+    sfg_skills::register(&mut registry);
+    registry
+}
+
+/// Every name a scenario can use.
+fn vocabulary(assets: &Assets) -> Vocabulary {
+    Vocabulary {
+        robots: assets.robots.keys().cloned().collect(),
+        object_models: assets.models.keys().cloned().collect(),
+        llm: plugins::names(Contract::Llm),
+        grounder: plugins::names(Contract::Grounder),
+        pose_generator: plugins::names(Contract::PoseGenerator),
+        grasp_policy: plugins::names(Contract::GraspPolicy),
+        driver: plugins::DRIVERS.iter().map(|name| (*name).to_owned()).collect(),
+        truth_predicates: PREDICATES.iter().map(|predicate| predicate.name.to_owned()).collect(),
+        sensed_predicates: sensed::PREDICATES.iter().map(|(name, _)| (*name).to_owned()).collect(),
+        reasons: FailureReason::ALL.iter().map(|reason| reason.name().to_owned()).collect(),
+    }
+}
+
+/// The committed schema's text.
+pub(crate) fn schema_text(assets: &Assets) -> Result<String> {
+    let schema = sfg_scenario::schema(node_registry().models(), &vocabulary(assets));
+    Ok(serde_json::to_string_pretty(&schema)?)
+}
+
+/// Arguments of predicates that do not fit, and objects they name that are not in the scene.
+fn predicate_mistakes(scenario: &Scenario) -> Vec<Mistake> {
+    let mut mistakes = Vec::new();
+    let names: Vec<&str> = scenario.scene.objects.iter().map(|object| object.name.value.as_str()).collect();
+    for predicate in &scenario.success.truth {
+        let json = serde_json::json!({ predicate.name.clone(): predicate.args_json() });
+        if let Err(error) = serde_json::from_value::<Predicate>(json) {
+            mistakes.push(Mistake::new(predicate.place, format!("predicate {:?}: {error}", predicate.name)));
+        }
+        for key in ["object", "container"] {
+            if let Some(arg) = predicate.arg(key)
+                && let sfg_tree::Literal::Text(name) = &arg.value
+                && !names.contains(&name.as_str())
+            {
+                let message = format!("{key} {name:?} is not in the scene");
+                mistakes.push(Mistake::new(arg.place, message).help(format!("the scene has {}", names.join(", "))));
+            }
+        }
+    }
+    for predicate in &scenario.success.sensed {
+        let known = sensed::PREDICATES.iter().find(|(name, _)| *name == predicate.name).map_or(&[][..], |(_, args)| *args);
+        for (name, value) in &predicate.args {
+            if !known.contains(&name.as_str()) {
+                let message = format!("predicate {:?} has no argument {name:?}", predicate.name);
+                mistakes.push(Mistake::new(value.place, message).help(format!("it takes {}", known.join(", "))));
+            }
+        }
+        for name in known {
+            if predicate.arg(name).is_none() {
+                let message = format!("predicate {:?} needs argument {name:?}", predicate.name);
+                mistakes.push(Mistake::new(predicate.place, message));
+            }
+        }
+    }
+    mistakes
+}

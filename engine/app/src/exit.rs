@@ -1,0 +1,45 @@
+//! Exit codes, one a kind of ending.
+
+use sfg_types::Outcome;
+use std::process::ExitCode;
+
+/// The scenario's success predicates hold.
+pub(crate) const SUCCESS: u8 = 0;
+/// The run ended and a predicate does not hold.
+pub(crate) const JUDGED_FAILURE: u8 = 1;
+/// The command line, the scenario or an asset is wrong; nothing moved.
+pub(crate) const BAD_INPUT: u8 = 2;
+/// The tree failed.
+pub(crate) const TREE_FAILURE: u8 = 3;
+/// The language backend asked back or refused; nothing moved.
+pub(crate) const NOT_ATTEMPTED: u8 = 4;
+/// A file, a plugin or a device is missing or broken.
+pub(crate) const ENVIRONMENT: u8 = 5;
+/// The judge found the physics manipulated.
+pub(crate) const PHYSICS_TAMPERED: u8 = 6;
+/// Ctrl-C or an emergency stop.
+pub(crate) const INTERRUPTED: u8 = 130;
+
+/// Shown by `sfg --help`.
+pub(crate) const HELP: &str = "Exit codes:\n  \
+    0    success, judged true\n  \
+    1    the run ended, a success predicate does not hold\n  \
+    2    bad input: command line, scenario or asset; nothing moved\n  \
+    3    the behaviour tree failed\n  \
+    4    the language backend asked back or refused; nothing moved\n  \
+    5    environment: a file cannot be written, a plugin or device is missing\n  \
+    6    the judge found the physics manipulated\n  \
+    130  interrupted, the robot was halted";
+
+/// The code of an outcome.
+#[must_use]
+pub(crate) fn code(outcome: Outcome) -> ExitCode {
+    ExitCode::from(match outcome {
+        Outcome::Success => SUCCESS,
+        Outcome::JudgedFailure => JUDGED_FAILURE,
+        Outcome::TreeFailure => TREE_FAILURE,
+        Outcome::NotAttempted => NOT_ATTEMPTED,
+        Outcome::Interrupted => INTERRUPTED,
+        Outcome::PhysicsTampered => PHYSICS_TAMPERED,
+    })
+}

@@ -1,0 +1,405 @@
+//! One run: scenario and seed in, report out.
+
+use crate::assets::Assets;
+use crate::scene::draw_scene;
+use crate::sensed;
+use crate::{pictures, plugins};
+use anyhow::{Context as _, Result};
+use sfg_driver_sim::world::{GraspAsked, JudgeHandle, Predicate, Viewpoint};
+use sfg_driver_sim::{SimDriver, SimOptions};
+use sfg_kinematics::RobotModel;
+use sfg_planning::{CommandLimiter, LimiterSettings, PalmBox};
+use sfg_record::{Picture, Recording, RobotSample, TransitionSample};
+use sfg_scenario::Scenario;
+use sfg_skills::{Kept, Robot, RobotError, SkillContext, StageLog};
+use sfg_synergy::SynergySpace;
+use sfg_tree::{Change, JournalLevel, Registry, Status};
+use sfg_types::{FailureReason, FunctionalityAnswer, Instruction, Outcome, PredicateResult, RunFailure, RunReport, StageRecord};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// Version of `report.json`.
+const REPORT_SCHEMA_VERSION: u32 = 1;
+/// Time given to a halted arm to come to rest before the recording is closed.
+const REST_SECS: f64 = 0.6;
+/// The robot is recorded at 100 Hz, every so many control periods at least.
+const RECORD_EVERY_SECS: f64 = 0.01;
+/// Camera images go to the recording at 2 Hz.
+const IMAGE_EVERY_SECS: f64 = 0.5;
+/// Grains that were set in motion come to rest before the judge looks.
+const JUDGE_AFTER_SECS: f64 = 1.0;
+
+/// What to run.
+pub(crate) struct RunRequest<'a> {
+    /// Checked scenario.
+    pub(crate) scenario: &'a Scenario,
+    /// The nodes it was checked with.
+    pub(crate) registry: &'a Registry<SkillContext>,
+    /// Robots and objects.
+    pub(crate) assets: &'a Assets,
+    /// Robot of the scenario.
+    pub(crate) model: &'a RobotModel,
+    /// What the user says.
+    pub(crate) instruction: Instruction,
+    /// Seed of everything random.
+    pub(crate) seed: u64,
+    /// Where report, recording and pictures go; `None` writes nothing.
+    pub(crate) folder: Option<PathBuf>,
+    /// Set by Ctrl-C.
+    pub(crate) interrupted: &'a AtomicBool,
+    /// Called at the end of each stage.
+    pub(crate) on_stage: &'a dyn Fn(&StageRecord, f64),
+}
+
+/// Runs a scenario in the simulator and judges it.
+pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
+    let begun = Instant::now();
+    let spec = draw_scene(request.scenario, request.assets, request.seed)?;
+    let (driver, judge) = SimDriver::new(&spec, request.model, request.scenario.arm, SimOptions::default())?;
+    let profile = request.model.hand_profile.clone().context("the robot has no hand profile")?;
+    let synergy = SynergySpace::new(&profile)?;
+    let limits = &request.scenario.limits;
+    let mut limiter_settings =
+        LimiterSettings { max_hand_speed_per_sec: profile.max_closing_speed_per_sec, ..LimiterSettings::default() };
+    if let Some(workspace) = &limits.workspace {
+        limiter_settings.palm_box = PalmBox {
+            low_m: [workspace.x_m.min, workspace.y_m.min, workspace.z_m.min],
+            high_m: [workspace.x_m.max, workspace.y_m.max, workspace.z_m.max],
+        };
+    }
+    let limiter = CommandLimiter::new(request.model.arm_chain(request.scenario.arm).clone(), limiter_settings);
+    let robot = Robot::new(Box::new(driver), request.model.clone(), synergy.clone(), limiter)?;
+    let context =
+        plugins::PluginSetting { assets: request.assets, profile: &profile, scenario: request.scenario, seed: request.seed };
+    let mut skills = SkillContext {
+        robot,
+        plugins: plugins::make(&context)?,
+        instruction: request.instruction.clone(),
+        synergy,
+        seed: request.seed,
+        log: StageLog::default(),
+        kept: Kept::default(),
+    };
+    let mut session = Session { request, judge, recording: None, at_grasp: None, stage_wall: Vec::new(), begun };
+    session.open_recording()?;
+    let ready_secs = begun.elapsed().as_secs_f64();
+    let ended = session.tick_to_end(&mut skills)?;
+    let report = session.report(&mut skills, ended, ready_secs)?;
+    Ok(report)
+}
+
+/// How the tree came to its end.
+struct Ended {
+    status: Status,
+    failure: Option<RunFailure>,
+    is_interrupted: bool,
+    first_motion_secs: Option<f64>,
+}
+
+struct Session<'a> {
+    request: &'a RunRequest<'a>,
+    judge: JudgeHandle,
+    recording: Option<Recording>,
+    at_grasp: Option<Vec<u8>>,
+    stage_wall: Vec<(String, f64)>,
+    begun: Instant,
+}
+
+impl Session<'_> {
+    fn open_recording(&mut self) -> Result<()> {
+        let Some(folder) = &self.request.folder else { return Ok(()) };
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot make the run folder {}; choose another with --out", folder.display()))?;
+        let scenario = &self.request.scenario.source;
+        let metadata = BTreeMap::from([
+            ("scenario".to_owned(), scenario.path.display().to_string()),
+            ("scenario_sha256".to_owned(), sfg_skills::context::hash_bytes(scenario.text.as_bytes())),
+            ("seed".to_owned(), self.request.seed.to_string()),
+            ("engine_version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+            ("instruction".to_owned(), self.request.instruction.as_str().to_owned()),
+        ]);
+        self.recording = Some(Recording::create(&folder.join("run.mcap"), &metadata)?);
+        Ok(())
+    }
+
+    /// Ticks the tree each control period until it ends, the time is used up or the user interrupts.
+    fn tick_to_end(&mut self, skills: &mut SkillContext) -> Result<Ended> {
+        let mut tree = self.request.scenario.build_tree(self.request.registry)?;
+        tree.set_journal_level(JournalLevel::Transitions);
+        let timeout_secs = self.request.scenario.limits.timeout_secs;
+        let (mut recorded_secs, mut image_secs) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+        let mut first_motion_secs = None;
+        let mut ended = loop {
+            let now_secs = skills.robot.now_secs();
+            let status = tree.tick(now_secs, skills);
+            self.record_stages(skills)?;
+            for record in tree.drain_journal() {
+                if let Change::Status { from, to } = record.change {
+                    self.record_transition(&TransitionSample {
+                        stamp_secs: record.now_secs,
+                        tick: record.tick_idx,
+                        node: tree.path(record.node),
+                        from: from.name().to_owned(),
+                        to: to.name().to_owned(),
+                    })?;
+                }
+            }
+            if status != Status::Running {
+                let failure = tree.failure().map(|at| RunFailure {
+                    reason: at.failure.reason.to_string(),
+                    node: tree.path(at.node),
+                    explanation: at.failure.detail.clone(),
+                });
+                break Ended {
+                    status,
+                    failure: failure.filter(|_| status != Status::Success),
+                    is_interrupted: false,
+                    first_motion_secs,
+                };
+            }
+            if self.request.interrupted.load(Ordering::Relaxed) {
+                tree.halt(skills);
+                break Ended { status: Status::Failure, failure: None, is_interrupted: true, first_motion_secs };
+            }
+            if now_secs >= timeout_secs {
+                tree.halt(skills);
+                let failure = RunFailure {
+                    reason: FailureReason::Timeout.name().to_owned(),
+                    node: "limits.timeout_secs".to_owned(),
+                    explanation: format!("the run was not over after {timeout_secs} s"),
+                };
+                break Ended { status: Status::Failure, failure: Some(failure), is_interrupted: false, first_motion_secs };
+            }
+            if let Err(error) = skills.robot.advance() {
+                let reason = match error {
+                    RobotError::Limit(_) => FailureReason::LimitViolated,
+                    _ => FailureReason::DriverFailed,
+                };
+                let node = "driver".to_owned();
+                tree.halt(skills);
+                let failure = RunFailure { reason: reason.name().to_owned(), node, explanation: error.to_string() };
+                break Ended { status: Status::Failure, failure: Some(failure), is_interrupted: false, first_motion_secs };
+            }
+            if first_motion_secs.is_none() && skills.robot.sent().dq.iter().any(|velocity| *velocity != 0.0) {
+                first_motion_secs = Some(self.begun.elapsed().as_secs_f64());
+            }
+            if self.at_grasp.is_none() && skills.kept.base_from_palm_at_grasp.is_some() {
+                self.at_grasp = self.close_up(skills)?;
+            }
+            if now_secs - recorded_secs >= RECORD_EVERY_SECS - 1e-9 {
+                recorded_secs = now_secs;
+                self.record_robot(skills)?;
+            }
+            if now_secs - image_secs >= IMAGE_EVERY_SECS
+                && let Some(observation) = skills.kept.last_observation.take()
+            {
+                image_secs = now_secs;
+                self.record_images(now_secs, &observation)?;
+            }
+        };
+        // The arm comes to rest under the engine's limits, whatever ended the run.
+        let rest_secs = if ended.status == Status::Success { JUDGE_AFTER_SECS } else { REST_SECS };
+        let until_secs = skills.robot.now_secs() + rest_secs;
+        while skills.robot.now_secs() < until_secs {
+            if let Err(error) = skills.robot.advance() {
+                ended.failure.get_or_insert(RunFailure {
+                    reason: FailureReason::DriverFailed.name().to_owned(),
+                    node: "driver".to_owned(),
+                    explanation: error.to_string(),
+                });
+                break;
+            }
+        }
+        Ok(ended)
+    }
+
+    fn record_stages(&mut self, skills: &mut SkillContext) -> Result<()> {
+        for (stage, secs) in skills.log.take_new() {
+            (self.request.on_stage)(&stage, secs);
+            self.stage_wall.push((stage.stage.clone(), secs));
+            if let Some(recording) = &mut self.recording {
+                recording.stage(&stage)?;
+            }
+            if stage.stage == "observe_scene"
+                && let Some(observation) = skills.kept.observation.clone()
+            {
+                self.record_images(stage.stamp_secs, &observation)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn record_transition(&mut self, sample: &TransitionSample) -> Result<()> {
+        if let Some(recording) = &mut self.recording {
+            recording.transition(sample)?;
+        }
+        Ok(())
+    }
+
+    fn record_robot(&mut self, skills: &SkillContext) -> Result<()> {
+        if let Some(recording) = &mut self.recording {
+            let sent = skills.robot.sent();
+            recording.robot(&RobotSample { state: skills.robot.state(), q_command: &sent.q, hand_command: sent.hand })?;
+        }
+        Ok(())
+    }
+
+    fn record_images(&mut self, stamp_secs: f64, observation: &sfg_types::Observation) -> Result<()> {
+        if let Some(recording) = &mut self.recording {
+            for view in &observation.views {
+                recording.image(stamp_secs, &view.camera, &pictures::camera_png(view)?)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A simulator picture of the closed hand.
+    fn close_up(&self, skills: &SkillContext) -> Result<Option<Vec<u8>>> {
+        if self.request.folder.is_none() {
+            return Ok(None);
+        }
+        let palm = skills.robot.base_from_palm();
+        let target = palm * sfg_types::Point::new(0.03, 0.0, 0.03);
+        let side = palm.rotation * sfg_types::Vector::new(0.25, 0.0, 0.45);
+        let eye = target + sfg_types::Vector::new(side.x, side.y, 0.25);
+        let viewpoint = Viewpoint { eye_in_base: eye, target_in_base: target, horizontal_fov_deg: 45.0, ..Viewpoint::default() };
+        let picture = self.judge.picture(&viewpoint);
+        Ok(Some(pictures::labelled(picture.width, picture.height, &picture.rgb, "the hand closed (simulator picture)")?))
+    }
+
+    fn report(&mut self, skills: &mut SkillContext, ended: Ended, ready_secs: f64) -> Result<RunReport> {
+        let scenario = self.request.scenario;
+        let truth: Vec<Predicate> = scenario
+            .success
+            .truth
+            .iter()
+            .map(|predicate| {
+                let json = serde_json::json!({ predicate.name.clone(): predicate.args_json() });
+                serde_json::from_value(json).with_context(|| format!("predicate {:?}", predicate.name))
+            })
+            .collect::<Result<_>>()?;
+        let verdict = self.judge.verdict(&truth)?;
+        let mut predicates: Vec<PredicateResult> = verdict
+            .checks
+            .iter()
+            .map(|check| PredicateResult {
+                predicate: check.name.clone(),
+                evaluator: "truth".to_owned(),
+                passed: check.pass,
+                measured: check.detail.clone(),
+            })
+            .collect();
+        predicates.extend(scenario.success.sensed.iter().map(|predicate| sensed::evaluate(predicate, skills)));
+        let not_attempted = ended.failure.as_ref().is_some_and(|failure| {
+            [FailureReason::NeedsAnswer.name(), FailureReason::Refused.name()].contains(&failure.reason.as_str())
+        });
+        let all_hold = |evaluator: &str| {
+            predicates.iter().filter(|predicate| predicate.evaluator == evaluator).all(|predicate| predicate.passed)
+        };
+        let outcome = if verdict.physics_tampered.is_some() {
+            Outcome::PhysicsTampered
+        } else if ended.is_interrupted {
+            Outcome::Interrupted
+        } else if not_attempted {
+            Outcome::NotAttempted
+        } else if ended.status != Status::Success {
+            Outcome::TreeFailure
+        } else if all_hold("truth") {
+            Outcome::Success
+        } else {
+            Outcome::JudgedFailure
+        };
+        let asked = match &skills.kept.answer {
+            Some(FunctionalityAnswer::Act(functionality)) => Some(functionality.clone()),
+            _ => None,
+        };
+        let judged_grasp = match &asked {
+            Some(functionality) => self.judge_grasp(functionality)?,
+            None => serde_json::Value::Null,
+        };
+        let report = RunReport {
+            schema_version: REPORT_SCHEMA_VERSION,
+            scenario: scenario.source.path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+            scenario_sha256: sfg_skills::context::hash_bytes(scenario.source.text.as_bytes()),
+            engine_version: env!("CARGO_PKG_VERSION").to_owned(),
+            seed: self.request.seed,
+            instruction: self.request.instruction.as_str().to_owned(),
+            outcome,
+            failure: ended.failure,
+            predicates,
+            judge: serde_json::json!({
+                "grasp": judged_grasp,
+                "physics_tampered": verdict.physics_tampered,
+                "state_hash": format!("{:016x}", self.judge.state_hash()),
+            }),
+            stages: skills.log.records().to_vec(),
+            duration_secs: skills.robot.now_secs(),
+            timings: serde_json::json!({
+                "ready_secs": ready_secs,
+                "decision_secs": self.decision_secs(),
+                "first_motion_secs": ended.first_motion_secs,
+                "stages": self.stage_wall.iter().map(|(stage, secs)| serde_json::json!([stage, secs])).collect::<Vec<_>>(),
+                "total_secs": self.begun.elapsed().as_secs_f64(),
+            }),
+        };
+        self.write(&report, skills)?;
+        Ok(report)
+    }
+
+    /// Sentence to first trajectory: the stages from the observation to the selection, the first time round.
+    fn decision_secs(&self) -> f64 {
+        let mut sum = 0.0;
+        for (stage, secs) in &self.stage_wall {
+            sum += secs;
+            if stage == "synthesize_grasp" || stage == "select_palm_pose" {
+                return sum;
+            }
+        }
+        sum
+    }
+
+    /// The judge's word on the grasp, with the scene's own name of what stands where the engine saw the thing.
+    fn judge_grasp(&self, functionality: &sfg_types::GraspFunctionality) -> Result<serde_json::Value> {
+        let truth = self.judge.truth();
+        let Some(object) = truth.objects.iter().find(|object| object.category == functionality.object.name) else {
+            return Ok(serde_json::json!({"note": format!("the scene has no {:?}", functionality.object.name)}));
+        };
+        let asked = GraspAsked {
+            object: object.name.clone(),
+            part: functionality.affordance.clone(),
+            grasp_type: functionality.grasp_type,
+        };
+        Ok(serde_json::to_value(self.judge.report(&asked)?)?)
+    }
+
+    fn write(&mut self, report: &RunReport, skills: &SkillContext) -> Result<()> {
+        let Some(folder) = self.request.folder.clone() else { return Ok(()) };
+        let mut shown = Vec::new();
+        let last = self.judge.picture(&Viewpoint::default());
+        let result = pictures::labelled(last.width, last.height, &last.rgb, "at the end (simulator picture)")?;
+        shown.push(Picture::new("result", "The scene when the judge looked (simulator picture).", result));
+        if let Some(png) = pictures::grounding(&skills.kept)? {
+            shown.push(Picture::new("grounding", "Both camera views with the part to hold and the task key point.", png));
+        }
+        if let Some(png) = pictures::palm_poses(&skills.kept)? {
+            shown.push(Picture::new("palm_poses", "Candidate palm poses; the chosen one in green.", png));
+        }
+        if let Some(png) = self.at_grasp.take() {
+            shown.push(Picture::new("grasp", "The hand when it had closed (simulator picture).", png));
+        }
+        if let Some(mut recording) = self.recording.take() {
+            for picture in &shown {
+                recording.image(report.duration_secs, &picture.name, &picture.png)?;
+            }
+            recording.finish(
+                report.duration_secs,
+                &serde_json::json!({"outcome": report.outcome, "predicates": report.predicates, "judge": report.judge}),
+            )?;
+        }
+        sfg_record::write_page(&folder, report, &shown)?;
+        sfg_record::write_report(&folder, report)?;
+        Ok(())
+    }
+}

@@ -1,0 +1,17 @@
+//! Objects: declarative models of labelled parts, and scans, behind one [`ObjectInstance`].
+//!
+//! The object frame has +Z up and its origin at the centre of the base footprint: `z = 0` stands on the table.
+
+mod instance;
+mod mass;
+mod model;
+mod piece;
+mod primitive;
+mod profile;
+mod scanned;
+
+pub use instance::{DisplayMesh, Interior, ObjectInstance, Part};
+pub use mass::MassProperties;
+pub use model::{ObjectModel, ObjectParams, PartModel, ScaleRanges, Shape};
+pub use piece::{LabelledPiece, Piece};
+pub use scanned::ScannedObject;

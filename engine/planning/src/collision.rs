@@ -1,0 +1,481 @@
+//! Does one arm with its hand, and what it holds, touch anything?
+//!
+//! Everything that moves with the arm is covered by balls; the robot's other bodies and the obstacles keep their exact shapes, so
+//! that one distance formula per shape answers all. The covering exceeds the arm by about 1 cm: verdicts err towards contact.
+
+use crate::error::PlanningError;
+use crate::points::PointObstacles;
+use crate::shapes::{Obstacle, bounding_radius_m, covering_spheres, signed_distance_m};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use sfg_kinematics::ik::random_q;
+use sfg_kinematics::{Chain, RobotModel, Shape};
+use sfg_types::{HandSide, Point, Pose};
+use std::collections::BTreeSet;
+use std::fmt;
+use std::ops::Range;
+
+/// How fine, how careful.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CollisionSettings {
+    /// How far balls may stand out of arm links. Default 0.008 m.
+    pub arm_excess_m: f64,
+    /// How far balls may stand out of hand links; they are thin and come near things. Default 0.004 m.
+    pub hand_excess_m: f64,
+    /// Distance to keep from obstacles. Default 0.005 m: the simulated arm tracks within 1 mm, the cameras see within 3 mm.
+    pub clearance_m: f64,
+}
+
+impl Default for CollisionSettings {
+    fn default() -> Self {
+        Self { arm_excess_m: 0.008, hand_excess_m: 0.004, clearance_m: 0.005 }
+    }
+}
+
+/// Parts of what moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BodyGroup {
+    /// Links of the arm.
+    Arm,
+    /// Links of the hand.
+    Hand,
+    /// The thing that the hand holds.
+    Attached,
+}
+
+/// A ball of a moving body in some configuration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodySphere {
+    /// Centre, base frame, metres.
+    pub centre_in_base: Point,
+    /// Radius, metres.
+    pub radius_m: f64,
+}
+
+/// Two things that touch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contact {
+    /// The link (or the attached object) that moves.
+    pub link: String,
+    /// What it touches: an obstacle, a link of the robot, or `points`.
+    pub with: String,
+    /// How deep, clearance included, metres.
+    pub depth_m: f64,
+}
+
+impl fmt::Display for Contact {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} touches {} by {:.1} mm", self.link, self.with, self.depth_m * 1e3)
+    }
+}
+
+#[derive(Clone, Debug)]
+struct Moving {
+    name: String,
+    group: BodyGroup,
+    // Link of the chain that carries it, 0 to n - 1.
+    frame_idx: usize,
+    // Place in the row of links: arm link i has i + 1, the hand one more than the last link.
+    rank: usize,
+    spheres: Vec<(Point, f64)>,
+    bound: (Point, f64),
+}
+
+#[derive(Clone, Debug)]
+struct Cluster {
+    frame_idx: usize,
+    bodies: Range<usize>,
+    bound: (Point, f64),
+}
+
+#[derive(Clone, Debug)]
+struct Fixed {
+    name: String,
+    shape: Shape,
+    shape_from_base: Pose,
+    centre: Point,
+    bound_m: f64,
+}
+
+/// The arm, the rest of the robot and the world.
+#[derive(Clone, Debug)]
+pub struct CollisionModel {
+    chain: Chain,
+    settings: CollisionSettings,
+    side: HandSide,
+    moving: Vec<Moving>,
+    own_bodies: Vec<Fixed>,
+    // Moving bodies of one chain link lie side by side in `moving` and share a bound: most tests end there.
+    clusters: Vec<Cluster>,
+    // Pairs that nearly always touch because they are built so: moving body's name and own body, or number of own bodies + rank.
+    built_touching: BTreeSet<(String, usize)>,
+    // built_touching as a table: moving body x (own bodies, then ranks).
+    ignored: Vec<Vec<bool>>,
+    obstacles: Vec<Fixed>,
+    points: Option<PointObstacles>,
+    allowed: Vec<(BodyGroup, String)>,
+}
+
+/// A pair of bodies that touches in this share of all configurations is built so, and no collision.
+const BUILT_TOUCHING_SHARE: f64 = 0.9;
+/// Name of the point cloud in contacts and permissions.
+const POINTS: &str = "points";
+
+impl CollisionModel {
+    /// The robot without obstacles: one arm moves, all else stays as in the whole-robot configuration `q`.
+    ///
+    /// # Errors
+    /// [`PlanningError::MeshShape`].
+    ///
+    /// # Panics
+    /// If `q` is not a configuration of the whole robot.
+    pub fn new(model: &RobotModel, side: HandSide, q: &[f64], settings: CollisionSettings) -> Result<Self, PlanningError> {
+        let mut collision = Self {
+            chain: model.arm_chain(side).clone(),
+            settings,
+            side,
+            moving: Vec::new(),
+            own_bodies: Vec::new(),
+            clusters: Vec::new(),
+            built_touching: BTreeSet::new(),
+            ignored: Vec::new(),
+            obstacles: Vec::new(),
+            points: None,
+            allowed: Vec::new(),
+        };
+        collision.place_bodies(model, q)?;
+        collision.find_built_contacts();
+        Ok(collision)
+    }
+
+    /// Takes over a new shape of the hand (and of all that does not move with the arm) from a whole-robot configuration.
+    ///
+    /// # Errors
+    /// [`PlanningError::MeshShape`].
+    ///
+    /// # Panics
+    /// If `q` is not a configuration of the whole robot.
+    pub fn set_robot_q(&mut self, model: &RobotModel, q: &[f64]) -> Result<(), PlanningError> {
+        self.place_bodies(model, q)
+    }
+
+    /// The chain whose configurations are judged.
+    #[must_use]
+    pub fn chain(&self) -> &Chain {
+        &self.chain
+    }
+
+    /// Replaces the world.
+    pub fn set_world(&mut self, obstacles: &[Obstacle], points: Option<PointObstacles>) {
+        self.obstacles = obstacles.iter().map(|o| fixed(o.name.clone(), &o.shape, &o.pose_in_base)).collect();
+        self.points = points;
+    }
+
+    /// Lets a part touch an obstacle (`points` stands for the cloud): the hand its target, a held thing the table it leaves.
+    pub fn allow(&mut self, group: BodyGroup, with: &str) {
+        self.allowed.push((group, with.to_owned()));
+    }
+
+    /// Takes all permissions back.
+    pub fn clear_allowed(&mut self) {
+        self.allowed.clear();
+    }
+
+    /// Hangs a thing on the palm: balls in the palm frame, metres.
+    pub fn attach(&mut self, name: &str, spheres_in_palm: &[(Point, f64)]) {
+        let n = self.chain.n_joints();
+        let q = self.chain.middle();
+        let poses = self.chain.fk_all(&q);
+        let link_from_palm = poses[n - 1].inverse() * poses[n];
+        let spheres = spheres_in_palm.iter().map(|(c, r)| (link_from_palm * c, *r)).collect();
+        self.moving.push(moving(name.to_owned(), BodyGroup::Attached, n - 1, n + 1, spheres));
+        self.index();
+    }
+
+    /// Lets go of everything attached.
+    pub fn detach(&mut self) {
+        self.moving.retain(|m| m.group != BodyGroup::Attached);
+        self.index();
+    }
+
+    /// All balls of what moves, in configuration `q`; also what a camera may see of this arm.
+    #[must_use]
+    pub fn spheres(&self, q: &[f64]) -> Vec<BodySphere> {
+        let frames = self.chain.fk_all(q);
+        let place = |m: &Moving, (c, r): &(Point, f64)| BodySphere { centre_in_base: frames[m.frame_idx] * c, radius_m: *r };
+        self.moving.iter().flat_map(|m| m.spheres.iter().map(move |s| (m, s))).map(|(m, s)| place(m, s)).collect()
+    }
+
+    /// Whether nothing touches.
+    #[must_use]
+    pub fn is_free(&self, q: &[f64]) -> bool {
+        self.scan(q, true).is_none()
+    }
+
+    /// The deepest contact in configuration `q`.
+    #[must_use]
+    pub fn contact(&self, q: &[f64]) -> Option<Contact> {
+        self.scan(q, false)
+    }
+
+    /// The first contact on the straight way between two configurations, checked every `step_rad`, ends included.
+    #[must_use]
+    pub fn contact_between(&self, a: &[f64], b: &[f64], step_rad: f64) -> Option<Contact> {
+        let n = (distance(a, b) / step_rad).ceil().max(1.0) as usize;
+        // Coarse first: obstacles are wider than a step, so most blocked ways are seen early.
+        const STRIDE: usize = 8;
+        for offset in 0..STRIDE {
+            for i in (offset..=n).step_by(STRIDE) {
+                let contact = self.scan(&mix(a, b, i as f64 / n as f64), true);
+                if contact.is_some() {
+                    return contact;
+                }
+            }
+        }
+        None
+    }
+
+    /// The first contact along a path of configurations, checked every `step_rad`.
+    #[must_use]
+    pub fn contact_along(&self, path: &[Vec<f64>], step_rad: f64) -> Option<Contact> {
+        path.windows(2).find_map(|pair| self.contact_between(&pair[0], &pair[1], step_rad))
+    }
+
+    fn scan(&self, q: &[f64], first_only: bool) -> Option<Contact> {
+        let frames = self.chain.fk_all(q);
+        let bounds: Vec<Point> = self.moving.iter().map(|m| frames[m.frame_idx] * m.bound.0).collect();
+        let mut worst: Option<Contact> = None;
+        let mut note = |link: &str, with: &str, depth_m: f64| {
+            if depth_m > 0.0 && worst.as_ref().is_none_or(|w| depth_m > w.depth_m) {
+                worst = Some(Contact { link: link.to_owned(), with: with.to_owned(), depth_m });
+            }
+            first_only && worst.is_some()
+        };
+        let margin = self.settings.clearance_m;
+        for cluster in &self.clusters {
+            let to_base = &frames[cluster.frame_idx];
+            let (centre, reach) = (to_base * cluster.bound.0, cluster.bound.1);
+            let bodies = || cluster.bodies.clone().map(|idx| (idx, &self.moving[idx]));
+            for obstacle in self.obstacles.iter().filter(|o| near(&centre, reach + margin, o)) {
+                for (idx, body) in bodies() {
+                    if near(&bounds[idx], body.bound.1 + margin, obstacle)
+                        && !self.allows(body.group, &obstacle.name)
+                        && note(&body.name, &obstacle.name, depth(body, to_base, obstacle) + margin)
+                    {
+                        return worst;
+                    }
+                }
+            }
+            if let Some(points) = &self.points {
+                for (_, body) in bodies().filter(|(_, body)| !self.allows(body.group, POINTS)) {
+                    for (centre, radius) in &body.spheres {
+                        let depth = points.depth_m(&(to_base * centre), radius + margin);
+                        if depth.is_some_and(|depth| note(&body.name, POINTS, depth)) {
+                            return worst;
+                        }
+                    }
+                }
+            }
+            for (own_idx, own) in self.own_bodies.iter().enumerate().filter(|(_, own)| near(&centre, reach, own)) {
+                for (idx, body) in bodies() {
+                    if !self.ignored[idx][own_idx]
+                        && near(&bounds[idx], body.bound.1, own)
+                        && note(&body.name, &own.name, depth(body, to_base, own))
+                    {
+                        return worst;
+                    }
+                }
+            }
+            for other in self.clusters.iter().take_while(|o| o.bodies.start < cluster.bodies.start) {
+                let other_to_base = &frames[other.frame_idx];
+                if (centre - other_to_base * other.bound.0).norm() > reach + other.bound.1 {
+                    continue;
+                }
+                for (idx, body) in bodies() {
+                    for other_idx in other.bodies.clone() {
+                        let against = &self.moving[other_idx];
+                        let gap = (bounds[idx] - bounds[other_idx]).norm() - body.bound.1 - against.bound.1;
+                        if gap < 0.0
+                            && may_meet(body, against)
+                            && !self.ignored[idx][self.own_bodies.len() + against.rank]
+                            && note(&body.name, &against.name, depth_between(body, to_base, against, other_to_base))
+                        {
+                            return worst;
+                        }
+                    }
+                }
+            }
+        }
+        worst
+    }
+
+    /// Rebuilds what follows from `moving`, `own_bodies` and `built_touching`.
+    fn index(&mut self) {
+        self.moving.sort_by_key(|m| (m.frame_idx, m.rank));
+        self.clusters.clear();
+        let mut first = 0;
+        while first < self.moving.len() {
+            let (frame_idx, rank) = (self.moving[first].frame_idx, self.moving[first].rank);
+            let n = self.moving[first..].iter().take_while(|m| (m.frame_idx, m.rank) == (frame_idx, rank)).count();
+            let spheres = self.moving[first..first + n].iter().flat_map(|m| &m.spheres);
+            self.clusters.push(Cluster { frame_idx, bodies: first..first + n, bound: bound(spheres) });
+            first += n;
+        }
+        let n_columns = self.own_bodies.len() + self.chain.n_joints() + 2;
+        let ignored = |m: &Moving| (0..n_columns).map(|idx| self.built_touching.contains(&(m.name.clone(), idx))).collect();
+        self.ignored = self.moving.iter().map(ignored).collect();
+    }
+
+    fn place_bodies(&mut self, model: &RobotModel, q: &[f64]) -> Result<(), PlanningError> {
+        let tree = &model.tree;
+        let poses = model.link_poses(q);
+        let n = self.chain.n_joints();
+        let last_link = tree.links.iter().position(|l| l.name == self.chain.link_names[n - 1]);
+        let hand_root = model.arm(self.side).hand_root_link.as_deref();
+        self.moving.retain(|m| m.group == BodyGroup::Attached);
+        let attached = std::mem::take(&mut self.moving);
+        self.own_bodies.clear();
+        for (link_idx, link) in tree.links.iter().enumerate() {
+            if let Some(mesh) =
+                link.collision.iter().find_map(|p| if let Shape::Mesh { file } = &p.shape { Some(file) } else { None })
+            {
+                return Err(PlanningError::MeshShape { link: link.name.clone(), file: mesh.clone() });
+            }
+            // Climb to the nearest link that a joint of the chain moves.
+            let mut at = link_idx;
+            let mut is_hand = false;
+            let carrier = loop {
+                if let Some(idx) = self.chain.link_names.iter().position(|name| *name == tree.links[at].name) {
+                    break Some(idx);
+                }
+                is_hand |= Some(tree.links[at].name.as_str()) == hand_root;
+                match tree.links[at].joint_idx {
+                    Some(joint_idx) => at = tree.joints[joint_idx].parent_idx,
+                    None => break None,
+                }
+            };
+            match carrier {
+                None => {
+                    let bodies =
+                        link.collision.iter().map(|p| fixed(link.name.clone(), &p.shape, &(poses[link_idx] * p.link_from_shape)));
+                    self.own_bodies.extend(bodies);
+                }
+                Some(frame_idx) => {
+                    let carrier_from_link = poses[at].inverse() * poses[link_idx];
+                    debug_assert!(!is_hand || Some(at) == last_link, "the hand hangs on the last link");
+                    let excess = if is_hand { self.settings.hand_excess_m } else { self.settings.arm_excess_m };
+                    let spheres: Vec<(Point, f64)> = link
+                        .collision
+                        .iter()
+                        .flat_map(|p| covering_spheres(p, excess))
+                        .map(|(centre, radius)| (carrier_from_link * centre, radius))
+                        .collect();
+                    if !spheres.is_empty() {
+                        let (group, rank) = if is_hand { (BodyGroup::Hand, n + 1) } else { (BodyGroup::Arm, frame_idx + 1) };
+                        self.moving.push(moving(link.name.clone(), group, frame_idx, rank, spheres));
+                    }
+                }
+            }
+        }
+        self.moving.extend(attached);
+        self.index();
+        Ok(())
+    }
+
+    /// Samples configurations to find pairs that touch nearly always.
+    fn find_built_contacts(&mut self) {
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let n_samples = 300;
+        let n_own = self.own_bodies.len();
+        let max_rank = self.chain.n_joints() + 2;
+        let mut counts = vec![vec![0_usize; n_own + max_rank]; self.moving.len()];
+        for _ in 0..n_samples {
+            let frames = self.chain.fk_all(&random_q(&self.chain, &mut rng));
+            for (idx, body) in self.moving.iter().enumerate() {
+                for (body_idx, own) in self.own_bodies.iter().enumerate() {
+                    let to_base = &frames[body.frame_idx];
+                    let touches = near(&(to_base * body.bound.0), body.bound.1, own) && depth(body, to_base, own) > 0.0;
+                    counts[idx][body_idx] += usize::from(touches);
+                }
+                for other in self.moving[..idx].iter().filter(|o| may_meet(body, o)) {
+                    let touches = depth_between(body, &frames[body.frame_idx], other, &frames[other.frame_idx]) > 0.0;
+                    counts[idx][n_own + other.rank] += usize::from(touches);
+                }
+            }
+        }
+        let least = (BUILT_TOUCHING_SHARE * f64::from(n_samples)) as usize;
+        for (body, row) in self.moving.iter().zip(&counts) {
+            let built = row.iter().enumerate().filter(|(_, n)| **n >= least);
+            self.built_touching.extend(built.map(|(idx, _)| (body.name.clone(), idx)));
+        }
+        self.index();
+    }
+
+    pub(crate) fn obstacle_shapes(&self) -> impl Iterator<Item = (&str, &Shape, Pose)> {
+        self.obstacles.iter().map(|o| (o.name.as_str(), &o.shape, o.shape_from_base.inverse()))
+    }
+
+    pub(crate) fn allows(&self, group: BodyGroup, with: &str) -> bool {
+        self.allowed.iter().any(|(g, name)| *g == group && name == with)
+    }
+}
+
+/// Euclidean distance of two configurations, radians.
+pub(crate) fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+/// The configuration at share `s` of the straight way.
+pub(crate) fn mix(a: &[f64], b: &[f64], s: f64) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + s * (b - a)).collect()
+}
+
+fn fixed(name: String, shape: &Shape, pose: &Pose) -> Fixed {
+    Fixed {
+        name,
+        shape: shape.clone(),
+        shape_from_base: pose.inverse(),
+        centre: pose.translation.vector.into(),
+        bound_m: bounding_radius_m(shape),
+    }
+}
+
+fn moving(name: String, group: BodyGroup, frame_idx: usize, rank: usize, spheres: Vec<(Point, f64)>) -> Moving {
+    let bound = bound(spheres.iter());
+    Moving { name, group, frame_idx, rank, spheres, bound }
+}
+
+/// A ball about the mean centre that holds all balls.
+fn bound<'a>(spheres: impl Iterator<Item = &'a (Point, f64)> + Clone) -> (Point, f64) {
+    let n = spheres.clone().count().max(1) as f64;
+    let centre = Point::from(spheres.clone().map(|(c, _)| c.coords).sum::<sfg_types::Vector>() / n);
+    (centre, spheres.map(|(c, r)| (c - centre).norm() + r).fold(0.0, f64::max))
+}
+
+/// Links up to two apart cannot meet within the joints' limits, though their balls may.
+fn may_meet(body: &Moving, earlier: &Moving) -> bool {
+    body.rank > earlier.rank + 2
+}
+
+fn near(centre: &Point, radius_m: f64, body: &Fixed) -> bool {
+    let reach = radius_m + body.bound_m;
+    (centre - body.centre).norm_squared() < reach * reach
+        && signed_distance_m(&body.shape, &(body.shape_from_base * centre)) < radius_m
+}
+
+fn depth(body: &Moving, base_from_frame: &Pose, fixed: &Fixed) -> f64 {
+    let to_shape = fixed.shape_from_base * base_from_frame;
+    body.spheres.iter().map(|(c, r)| r - signed_distance_m(&fixed.shape, &(to_shape * c))).fold(f64::NEG_INFINITY, f64::max)
+}
+
+fn depth_between(a: &Moving, base_from_a: &Pose, b: &Moving, base_from_b: &Pose) -> f64 {
+    let b_from_a = base_from_b.inverse() * base_from_a;
+    let mut deepest = f64::NEG_INFINITY;
+    for (centre, radius) in &a.spheres {
+        let centre = b_from_a * centre;
+        for (other, other_radius) in &b.spheres {
+            deepest = deepest.max(radius + other_radius - (centre - other).norm());
+        }
+    }
+    deepest
+}

@@ -1,0 +1,37 @@
+//! Why a planning request could not be worked on at all; "no path" is an outcome, not an error.
+
+/// Errors of this crate.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanningError {
+    /// A link has a mesh as collision shape.
+    #[error("link {link:?} has mesh {file:?} as collision shape; planning needs boxes, spheres, cylinders or capsules")]
+    MeshShape {
+        /// The link.
+        link: String,
+        /// The mesh.
+        file: String,
+    },
+    /// A path of fewer than two configurations, or of configurations of another length.
+    #[error("a path needs at least two configurations of {n_joints} joints: {found}")]
+    BadPath {
+        /// Joints of the chain.
+        n_joints: usize,
+        /// What was given.
+        found: String,
+    },
+    /// Rounding the corners of a free path led into an obstacle or out of the limits, even with the smallest radius.
+    #[error("the corners of the path cannot be rounded: {reason}")]
+    NoRoom {
+        /// What is in the way.
+        reason: String,
+    },
+    /// The speed profile could not be made.
+    #[error("no speed profile over {length_rad:.4} rad: {message}")]
+    Profile {
+        /// Length of the path.
+        length_rad: f64,
+        /// Why.
+        message: String,
+    },
+}

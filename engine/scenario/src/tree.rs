@@ -1,0 +1,271 @@
+//! `tree` and `subtrees`: nodes written as YAML.
+//!
+//! | form | means |
+//! |---|---|
+//! | `- lift` | a node that is given nothing |
+//! | `- lift: {height_m: 0.1}` | a node and its ports |
+//! | `- sequence: [...]` | a node and its children |
+//! | `- parallel: {success: 1, do: [...]}` | a node, its ports and its children |
+//! | `- retry: {attempts: 3, do: lift}` | a node, its ports and its only child |
+//! | `- inverter: is_held` | a node and its only child |
+//! | `- subtree: grasp`, `- subtree: {tree: grasp, object: "{cup}"}` | a use of a subtree, and what its ports are given |
+//!
+//! `name: ...` beside ports gives a node a name of its own.
+
+use crate::document::{Key, Node, Value};
+use crate::mistake::Place;
+use crate::reader::Reader;
+use sfg_tree::{
+    Direction, NodeClass, NodeKind, NodeModel, NodeSpec, PortSetting, PortValue, Problem, SubtreePort, SubtreeSpec, nearest,
+};
+use std::collections::BTreeSet;
+
+/// Gives nodes numbers that lead back to their places, and knows the kinds of nodes.
+pub(crate) struct TreeReader<'a> {
+    pub(crate) reader: &'a mut Reader,
+    pub(crate) models: &'a [NodeModel],
+    pub(crate) reasons: Vec<String>,
+    pub(crate) places: Vec<Place>,
+    /// How many nodes and ports could not be read; what depends on them is not reported as well.
+    pub(crate) spoilt: BTreeSet<u32>,
+}
+
+impl TreeReader<'_> {
+    fn locate(&mut self, place: Place) -> u32 {
+        self.places.push(place);
+        u32::try_from(self.places.len() - 1).unwrap_or(u32::MAX)
+    }
+
+    pub(crate) fn node(&mut self, node: &Node) -> Option<NodeSpec> {
+        match &node.value {
+            Value::Text(name) => {
+                let location = self.locate(node.place);
+                Some(NodeSpec { kind: NodeKind::Named(name.clone()), location, ..NodeSpec::default() })
+            }
+            Value::Map(entries) => {
+                let [(key, body), rest @ ..] = entries.as_slice() else {
+                    return self.reader.wrong("node", node, "the name of a node");
+                };
+                if let Some((extra, _)) = rest.first() {
+                    let message = format!("a node is one name, found {:?} beside {:?}", extra.text, key.text);
+                    let help = "begin it with `- ` to make it the next node, or indent it to make it a port";
+                    self.reader.report_with_help(extra.place, message, help);
+                }
+                self.named(key, body)
+            }
+            Value::List(_) => {
+                let help = "write `sequence:` before the list";
+                self.reader.report_with_help(node.place, "node: expected the name of a node, found a list", help);
+                None
+            }
+            _ => self.reader.wrong("node", node, "the name of a node"),
+        }
+    }
+
+    fn named(&mut self, key: &Key, body: &Node) -> Option<NodeSpec> {
+        if key.text == "subtree" {
+            return self.subtree_use(key, body);
+        }
+        let location = self.locate(key.place);
+        let mut spec = NodeSpec { kind: NodeKind::Named(key.text.clone()), location, ..NodeSpec::default() };
+        let class = self.models.iter().find(|model| model.name == key.text).map(|model| model.class);
+        let has_do = matches!(&body.value, Value::Map(entries) if entries.iter().any(|(key, _)| key.text == "do"));
+        match (class, &body.value) {
+            (_, Value::Null) => {}
+            (Some(NodeClass::Control) | None, Value::List(items)) => self.children(&mut spec, items),
+            (Some(NodeClass::Decorator), Value::Text(_)) => self.only_child(&mut spec, body),
+            (Some(NodeClass::Decorator), Value::Map(_)) if !has_do && !self.is_ports_of(&key.text, body) => {
+                self.only_child(&mut spec, body);
+            }
+            (_, Value::Map(_)) => self.body(&mut spec, key, body, class)?,
+            (Some(NodeClass::Control), _) => return self.reader.wrong(&key.text, body, "a list of nodes"),
+            (Some(NodeClass::Decorator), _) => return self.reader.wrong(&key.text, body, "a node"),
+            (_, _) => return self.reader.wrong(&key.text, body, "ports, such as `{port: value}`"),
+        }
+        Some(spec)
+    }
+
+    /// Whether the body of a decorator gives ports (and forgot `do`) rather than naming its child.
+    fn is_ports_of(&self, kind: &str, body: &Node) -> bool {
+        let Value::Map(entries) = &body.value else { return false };
+        let ports = self.models.iter().filter(|model| model.name == kind).flat_map(|model| &model.ports);
+        let names: Vec<&str> = ports.map(|port| port.name()).collect();
+        let is_node = |name: &str| name == "subtree" || self.models.iter().any(|model| model.name == name);
+        entries.len() != 1
+            || entries.iter().any(|(key, _)| names.contains(&key.text.as_str()) || (!is_node(&key.text) && !names.is_empty()))
+    }
+
+    fn children(&mut self, spec: &mut NodeSpec, items: &[Node]) {
+        for item in items {
+            self.only_child(spec, item);
+        }
+    }
+
+    fn only_child(&mut self, spec: &mut NodeSpec, node: &Node) {
+        match self.node(node) {
+            Some(child) => spec.children.push(child),
+            None => {
+                self.spoilt.insert(spec.location);
+            }
+        }
+    }
+
+    /// Ports, `do` and `name`.
+    fn body(&mut self, spec: &mut NodeSpec, key: &Key, body: &Node, class: Option<NodeClass>) -> Option<()> {
+        for (port, value) in self.reader.entries(&key.text, body)? {
+            match (port.text.as_str(), &value.value) {
+                ("name", _) => spec.title = self.reader.text("name", value).map(|title| title.value),
+                ("do", Value::List(items)) if class != Some(NodeClass::Decorator) => self.children(spec, items),
+                ("do", Value::List(_)) => {
+                    let message = format!("{:?} does one node, found a list", key.text);
+                    self.reader.report_with_help(value.place, message, "write `do: {sequence: [...]}`");
+                    self.spoilt.insert(spec.location);
+                }
+                ("do", _) => self.only_child(spec, value),
+                _ => {
+                    let setting = self.port(port, value);
+                    if setting.is_none() {
+                        self.spoilt.insert(spec.location);
+                    }
+                    if key.text == "retry" && port.text == "on" {
+                        self.check_reasons(value);
+                    }
+                    spec.ports.extend(setting);
+                }
+            }
+        }
+        Some(())
+    }
+
+    fn port(&mut self, port: &Key, value: &Node) -> Option<PortSetting> {
+        let (name_location, location) = (self.locate(port.place), self.locate(value.place));
+        let value = match &value.value {
+            Value::Text(text) => match PortValue::from_text(text) {
+                Ok(value) => value,
+                Err(message) => {
+                    self.reader.report(value.place, format!("port {:?}: {message}", port.text));
+                    return None;
+                }
+            },
+            Value::Null => return self.reader.wrong(&format!("port {:?}", port.text), value, "a value"),
+            _ => {
+                self.forbid_inner_keys(value);
+                PortValue::Literal(value.literal())
+            }
+        };
+        Some(PortSetting { name: port.text.clone(), value, name_location, location })
+    }
+
+    /// `[1, "{key}"]` would silently be a text.
+    fn forbid_inner_keys(&mut self, node: &Node) {
+        match &node.value {
+            Value::Text(text) if text.trim_start().starts_with('{') => {
+                let message = format!("blackboard key {text:?} inside a list or map");
+                self.reader.report_with_help(node.place, message, "a key can only be the whole value of a port");
+            }
+            Value::List(items) => items.iter().for_each(|item| self.forbid_inner_keys(item)),
+            Value::Map(entries) => entries.iter().for_each(|(_, item)| self.forbid_inner_keys(item)),
+            _ => {}
+        }
+    }
+
+    fn check_reasons(&mut self, on: &Node) {
+        if let Value::List(items) = &on.value {
+            for item in items {
+                if let Value::Text(_) = &item.value {
+                    let reasons = std::mem::take(&mut self.reasons);
+                    self.reader.word("failure reason", item, &reasons);
+                    self.reasons = reasons;
+                }
+            }
+        }
+    }
+
+    fn subtree_use(&mut self, key: &Key, body: &Node) -> Option<NodeSpec> {
+        let expected = "the name of a subtree, or `{tree: name, port: value}`";
+        match &body.value {
+            Value::Text(name) => {
+                let location = self.locate(body.place);
+                Some(NodeSpec { kind: NodeKind::Subtree(name.clone()), location, ..NodeSpec::default() })
+            }
+            Value::Map(_) => {
+                let location = self.locate(key.place);
+                let mut spec = NodeSpec { location, ..NodeSpec::default() };
+                let mut name = None;
+                for (port, value) in self.reader.entries("subtree", body)? {
+                    match port.text.as_str() {
+                        "tree" => name = self.reader.text("tree", value),
+                        "name" => spec.title = self.reader.text("name", value).map(|title| title.value),
+                        _ => spec.ports.extend(self.port(port, value)),
+                    }
+                }
+                let Some(name) = name else {
+                    self.reader.report(key.place, "subtree needs key \"tree\": the name of a subtree");
+                    return None;
+                };
+                self.places[location as usize] = name.place;
+                spec.kind = NodeKind::Subtree(name.value);
+                Some(spec)
+            }
+            _ => self.reader.wrong("subtree", body, expected),
+        }
+    }
+
+    pub(crate) fn subtrees(&mut self, node: &Node) -> Option<Vec<SubtreeSpec>> {
+        let entries = self.reader.entries("subtrees", node)?;
+        Some(entries.into_iter().filter_map(|(key, body)| self.subtree(key, body)).collect())
+    }
+
+    fn subtree(&mut self, key: &Key, body: &Node) -> Option<SubtreeSpec> {
+        let location = self.locate(key.place);
+        let what = format!("subtree {:?}", key.text);
+        let fields = self.reader.fields(&what, body, &["in", "out", "inout", "do"])?;
+        let mut ports: Vec<SubtreePort> = Vec::new();
+        for (list, direction) in [("in", Direction::In), ("out", Direction::Out), ("inout", Direction::InOut)] {
+            let Some(list) = fields.get(list) else { continue };
+            for item in self.reader.list("ports", list)? {
+                if let Some(port) = self.subtree_port(item, direction) {
+                    if ports.iter().any(|earlier| earlier.name == port.name) {
+                        self.reader.report(item.place, format!("port {:?} is declared twice", port.name));
+                    }
+                    ports.push(port);
+                }
+            }
+        }
+        let root = self.reader.required(&what, &fields, "do").and_then(|node| self.node(node))?;
+        Some(SubtreeSpec { name: key.text.clone(), ports, root, location })
+    }
+
+    fn subtree_port(&mut self, item: &Node, direction: Direction) -> Option<SubtreePort> {
+        let (name, place, default) = match &item.value {
+            Value::Text(name) => (name, item.place, None),
+            Value::Map(entries) => match entries.as_slice() {
+                [(key, value)] => (&key.text, value.place, Some(value.literal())),
+                _ => return self.reader.wrong("port", item, "a name, or one name with its default"),
+            },
+            _ => return self.reader.wrong("port", item, "a name, or one name with its default"),
+        };
+        if default.is_some() && direction == Direction::Out {
+            self.reader.report(place, format!("port {name:?} is written by the subtree and can have no default"));
+        }
+        let location = self.locate(place);
+        Some(SubtreePort { name: name.clone(), direction, default, location })
+    }
+}
+
+/// More to say about a mistake than the tree knows: words of the file, and who could write a key.
+pub(crate) fn help_for(problem: &Problem, models: &[NodeModel]) -> Option<String> {
+    match problem {
+        Problem::UnknownNode { name } => {
+            let names = models.iter().map(|model| model.name.as_ref()).chain(["subtree"]);
+            nearest(name, names).map(|near| format!("did you mean {near:?}?"))
+        }
+        Problem::DanglingKey { key, .. } => {
+            let base = key.split('.').next().unwrap_or(key);
+            let writes = |model: &&NodeModel| model.ports.iter().any(|port| port.direction().writes() && port.name() == base);
+            let writers: Vec<&str> = models.iter().filter(writes).map(|model| model.name.as_ref()).collect();
+            (!writers.is_empty()).then(|| format!("{} writes it; put it earlier in the tree", writers.join(" or ")))
+        }
+        _ => None,
+    }
+}

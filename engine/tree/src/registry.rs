@@ -1,0 +1,195 @@
+//! The node kinds a tree can use.
+
+use crate::action::{Action, Tick};
+use crate::blackboard::Accessor;
+use crate::builder;
+use crate::port::{PortSpec, PortType, Value};
+use crate::problem::BuildError;
+use crate::spec::TreeSpec;
+use crate::status::{Failure, reason};
+use crate::tree::Tree;
+use std::any::{Any, TypeId};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// How many children a node has and what it does with them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NodeClass {
+    /// One or more children.
+    Control,
+    /// Exactly one child.
+    Decorator,
+    /// No child; may take several ticks.
+    Action,
+    /// No child; done within a tick.
+    Step,
+    /// No child; holds or not, changes nothing.
+    Condition,
+    /// Another tree.
+    Subtree,
+}
+
+/// What is known about a node kind.
+#[derive(Clone, Debug)]
+pub struct NodeModel {
+    /// Name in the file.
+    pub name: Cow<'static, str>,
+    /// What it does with children.
+    pub class: NodeClass,
+    /// Its ports.
+    pub ports: Vec<PortSpec>,
+    /// One sentence for the reader of a scenario.
+    pub doc: Cow<'static, str>,
+}
+
+impl NodeModel {
+    /// Sets the sentence for the reader of a scenario.
+    pub fn doc(&mut self, doc: impl Into<Cow<'static, str>>) -> &mut Self {
+        self.doc = doc.into();
+        self
+    }
+}
+
+pub(crate) type Predicate<C> = Arc<dyn Fn(&mut Tick<'_, C>) -> Result<bool, Failure> + Send + Sync>;
+pub(crate) type StepFn<C> = Arc<dyn Fn(&mut Tick<'_, C>) -> Result<(), Failure> + Send + Sync>;
+type ActionFactory<C> = Arc<dyn Fn() -> Box<dyn Action<C>> + Send + Sync>;
+
+/// Makes a leaf.
+pub(crate) enum Factory<C> {
+    BuiltIn,
+    Action(ActionFactory<C>),
+    Condition(Predicate<C>),
+    Step(StepFn<C>),
+}
+
+/// Node kinds, fields of values and entries provided by the application.
+pub struct Registry<C> {
+    pub(crate) models: Vec<NodeModel>,
+    pub(crate) factories: Vec<Factory<C>>,
+    pub(crate) defaults: Vec<Vec<Option<Value>>>,
+    pub(crate) fields: BTreeMap<(TypeId, String), (PortType, Accessor)>,
+    pub(crate) entries: Vec<(String, PortType)>,
+}
+
+impl<C> Default for Registry<C> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<C> Registry<C> {
+    /// The built-in controls and decorators only.
+    #[must_use]
+    pub fn new() -> Self {
+        let (fields, entries) = (BTreeMap::new(), Vec::new());
+        let mut registry = Self { models: Vec::new(), factories: Vec::new(), defaults: Vec::new(), fields, entries };
+        for model in builder::built_in_models() {
+            registry.add(model, Factory::BuiltIn);
+        }
+        registry
+    }
+
+    /// Adds an action; `make` is called once for each node of the tree.
+    ///
+    /// # Panics
+    /// If the name is taken or a default does not fit its port.
+    pub fn action<A: Action<C> + 'static>(
+        &mut self,
+        name: impl Into<Cow<'static, str>>,
+        ports: impl IntoIterator<Item = PortSpec>,
+        make: impl Fn() -> A + Send + Sync + 'static,
+    ) -> &mut NodeModel {
+        let factory = Factory::Action(Arc::new(move || Box::new(make())));
+        self.add(leaf(name, NodeClass::Action, ports), factory)
+    }
+
+    /// Adds a condition: success when it holds, failure with [`crate::reason::CONDITION_FALSE`] when not. It must change nothing.
+    ///
+    /// # Panics
+    /// If the name is taken or a default does not fit its port.
+    pub fn condition(
+        &mut self,
+        name: impl Into<Cow<'static, str>>,
+        ports: impl IntoIterator<Item = PortSpec>,
+        holds: impl Fn(&mut Tick<'_, C>) -> Result<bool, Failure> + Send + Sync + 'static,
+    ) -> &mut NodeModel {
+        self.add(leaf(name, NodeClass::Condition, ports), Factory::Condition(Arc::new(holds)))
+    }
+
+    /// Adds an action that is done within one call.
+    ///
+    /// # Panics
+    /// If the name is taken or a default does not fit its port.
+    pub fn step(
+        &mut self,
+        name: impl Into<Cow<'static, str>>,
+        ports: impl IntoIterator<Item = PortSpec>,
+        run: impl Fn(&mut Tick<'_, C>) -> Result<(), Failure> + Send + Sync + 'static,
+    ) -> &mut NodeModel {
+        self.add(leaf(name, NodeClass::Step, ports), Factory::Step(Arc::new(run)))
+    }
+
+    /// Lets scenarios write `"{key.name}"` where `key` holds a `P`.
+    pub fn field<P: Any + Send + Sync, T: Any + Send + Sync>(
+        &mut self,
+        name: impl Into<String>,
+        get: impl Fn(&P) -> Result<T, Failure> + Send + Sync + 'static,
+    ) {
+        let name = name.into();
+        let accessor: Accessor = Arc::new(move |value: &(dyn Any + Send + Sync)| {
+            let Some(value) = value.downcast_ref::<P>() else {
+                return Err(Failure::new(reason::PANICKED, "a field was read from another type than it was checked for"));
+            };
+            Ok(Arc::new(get(value)?) as Value)
+        });
+        self.fields.insert((TypeId::of::<P>(), name), (PortType::shared::<T>(), accessor));
+    }
+
+    /// Declares a blackboard entry of the root scope that the application sets before the first tick.
+    pub fn entry<T: Any + Send + Sync>(&mut self, key: impl Into<String>) {
+        self.entries.push((key.into(), PortType::shared::<T>()));
+    }
+
+    /// Every node kind, built-in ones first.
+    #[must_use]
+    pub fn models(&self) -> &[NodeModel] {
+        &self.models
+    }
+
+    /// The keys that the application sets before the first tick.
+    pub fn entry_keys(&self) -> impl Iterator<Item = &str> {
+        self.entries.iter().map(|(key, _)| key.as_str())
+    }
+
+    /// A tree, checked as a whole.
+    ///
+    /// # Errors
+    /// Every mistake of `spec`, in the order of its nodes.
+    pub fn build(&self, spec: &TreeSpec) -> Result<Tree<C>, Vec<BuildError>> {
+        builder::build(self, spec)
+    }
+
+    pub(crate) fn find(&self, name: &str) -> Option<usize> {
+        self.models.iter().position(|model| model.name == name)
+    }
+
+    fn add(&mut self, model: NodeModel, factory: Factory<C>) -> &mut NodeModel {
+        assert!(self.find(&model.name).is_none(), "node {:?} is registered twice", model.name);
+        let convert = |port: &PortSpec| {
+            port.default.as_ref().map(|literal| match port.value_of(literal) {
+                Ok(value) => value,
+                Err(message) => panic!("default of port {:?} of node {:?}: {message}", port.name, model.name),
+            })
+        };
+        self.defaults.push(model.ports.iter().map(convert).collect());
+        self.factories.push(factory);
+        self.models.push(model);
+        let last = self.models.len() - 1;
+        &mut self.models[last]
+    }
+}
+
+fn leaf(name: impl Into<Cow<'static, str>>, class: NodeClass, ports: impl IntoIterator<Item = PortSpec>) -> NodeModel {
+    NodeModel { name: name.into(), class, ports: ports.into_iter().collect(), doc: Cow::Borrowed("") }
+}

@@ -1,0 +1,151 @@
+//! Scripted leaves and trees written as one line.
+#![allow(dead_code, unreachable_pub, clippy::unwrap_used, reason = "shared by several test binaries; tests fail by panicking")]
+
+use sfg_tree::{Action, Failure, Literal, NodeSpec, Outcome, PortSpec, Progress, Registry, Status, Tick, Tree, TreeSpec};
+
+/// What happened to leaves: `+a` started, `.a` polled, `-a` halted.
+pub type Events = Vec<String>;
+
+/// Letters, one per tick: R running, S success, F failure, K skipped, X panic. `|` separates activations; the last letter of an
+/// activation and the last activation repeat.
+#[derive(Default)]
+struct Scripted {
+    activation_idx: usize,
+    letter_idx: usize,
+    is_before_first: bool,
+}
+
+impl Scripted {
+    fn letter(&mut self, tick: &mut Tick<'_, Events>) -> Outcome {
+        let script = tick.get::<String>("script")?;
+        let activations: Vec<&str> = script.split('|').collect();
+        let letters = activations[self.activation_idx.min(activations.len() - 1)].as_bytes();
+        match letters[self.letter_idx.min(letters.len() - 1)] {
+            b'R' => Ok(Progress::Running),
+            b'S' => Ok(Progress::Success),
+            b'K' => Ok(Progress::Skipped),
+            b'F' => Err(Failure::new(tick.get::<String>("reason")?, "scripted")),
+            _ => panic!("scripted panic"),
+        }
+    }
+}
+
+impl Action<Events> for Scripted {
+    fn start(&mut self, tick: &mut Tick<'_, Events>) -> Outcome {
+        let name = tick.get::<String>("name_")?;
+        tick.context.push(format!("+{name}"));
+        self.activation_idx = if self.is_before_first { 0 } else { self.activation_idx + 1 };
+        self.is_before_first = false;
+        self.letter_idx = 0;
+        self.letter(tick)
+    }
+    fn poll(&mut self, tick: &mut Tick<'_, Events>) -> Outcome {
+        let name = tick.get::<String>("name_")?;
+        tick.context.push(format!(".{name}"));
+        self.letter_idx += 1;
+        self.letter(tick)
+    }
+    fn halt(&mut self, tick: &mut Tick<'_, Events>) {
+        let name = tick.get::<String>("name_").unwrap();
+        tick.context.push(format!("-{name}"));
+    }
+}
+
+pub fn registry() -> Registry<Events> {
+    let mut registry = Registry::new();
+    let ports = || {
+        [
+            PortSpec::setting::<String>("name_"),
+            PortSpec::setting::<String>("script"),
+            PortSpec::setting::<String>("reason").default_value("broken"),
+        ]
+    };
+    registry.action("scripted", ports(), || Scripted { is_before_first: true, ..Scripted::default() });
+    // A condition reads its script by the number of the tick.
+    registry.condition("condition", ports(), |tick| {
+        let (name, script) = (tick.get::<String>("name_")?, tick.get::<String>("script")?);
+        tick.context.push(format!("?{name}"));
+        let letter_idx = usize::try_from(tick.tick_idx()).unwrap() - 1;
+        Ok(script.as_bytes()[letter_idx.min(script.len() - 1)] == b'S')
+    });
+    registry
+}
+
+/// `sequence[a=RS b=F]`, `retry{attempts:3,on:slipped}[a=F/slipped]`, `sequence[c?SSF a=RRR]`.
+pub fn parse(text: &str) -> NodeSpec {
+    let mut rest = text;
+    let node = parse_node(&mut rest);
+    assert!(rest.trim().is_empty(), "left over: {rest:?}");
+    node
+}
+
+fn parse_node(rest: &mut &str) -> NodeSpec {
+    *rest = rest.trim_start();
+    let end = rest.find(['=', '?', '[', '{']).unwrap();
+    let (name, mark) = (&rest[..end], rest.as_bytes()[end]);
+    *rest = &rest[end..];
+    if mark == b'=' || mark == b'?' {
+        let end = rest.find([' ', ']']).unwrap_or(rest.len());
+        let (script, reason) = rest[1..end].split_once('/').unwrap_or((&rest[1..end], "broken"));
+        *rest = &rest[end..];
+        let kind = if mark == b'=' { "scripted" } else { "condition" };
+        return NodeSpec::new(kind).title(name).with("name_", name).with("script", script).with("reason", reason);
+    }
+    let mut node = NodeSpec::new(name);
+    if mark == b'{' {
+        let end = rest.find('}').unwrap();
+        for pair in rest[1..end].split(',') {
+            let (port, value) = pair.split_once(':').unwrap();
+            let literal = if port == "on" {
+                Literal::from(value.split('+').collect::<Vec<_>>())
+            } else {
+                value.parse::<i64>().map_or_else(|_text| Literal::from(value.parse::<f64>().unwrap()), Literal::Int)
+            };
+            node = node.with(port, literal);
+        }
+        *rest = &rest[end + 1..];
+    }
+    *rest = &rest[1..];
+    while !rest.trim_start().starts_with(']') {
+        node = node.child(parse_node(rest));
+    }
+    *rest = &rest.trim_start()[1..];
+    node
+}
+
+pub fn build(text: &str) -> Tree<Events> {
+    registry().build(&TreeSpec::new(parse(text))).unwrap()
+}
+
+pub fn letter(status: Status) -> char {
+    match status {
+        Status::Idle => 'I',
+        Status::Running => 'R',
+        Status::Success => 'S',
+        Status::Failure => 'F',
+        Status::Skipped => 'K',
+    }
+}
+
+/// Runs `steps` (`t` = tick, one second each; `h` = halt) and gives the trace: events and result of each step, joined by ` ; `.
+pub fn run(text: &str, steps: &str) -> String {
+    let mut tree = build(text);
+    let (mut now_secs, mut trace) = (0.0, Vec::new());
+    for step in steps.chars() {
+        let mut events = Events::new();
+        let result = if step == 't' {
+            let status = tree.tick(now_secs, &mut events);
+            now_secs += 1.0;
+            letter(status)
+        } else {
+            tree.halt(&mut events);
+            for id in 0..u32::try_from(tree.n_nodes()).unwrap() {
+                assert_eq!(tree.status(id), Status::Idle, "{} is not idle after halt", tree.path(id));
+            }
+            'h'
+        };
+        events.push(result.to_string());
+        trace.push(events.join(" "));
+    }
+    trace.join(" ; ")
+}

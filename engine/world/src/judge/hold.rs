@@ -1,0 +1,220 @@
+//! When is an object held? A small state machine over the contacts of every step.
+//!
+//! The driver never tells the judge that the hand has closed. Closing ends, for the judge, at the first step in which the
+//! object is more than 5 mm above the table and nothing but the hand carries it. A hold ends when the hand has not touched
+//! the object for 0.1 s or the object is back on its support; the next one can only begin from the support, so an object
+//! that slides through the fingers never gets a fresh reference pose in mid-air.
+
+use serde::Serialize;
+use sfg_types::Pose;
+
+/// Height above the table at which an object counts as lifted off, metres.
+pub const LIFT_OFF_M: f64 = 0.005;
+/// Height above the table under which it counts as put down, metres.
+pub const PUT_DOWN_M: f64 = 0.001;
+/// Time without hand contact after which a hold is lost, seconds.
+pub const LOST_AFTER_SECS: f64 = 0.1;
+
+/// What one step shows about one object.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HoldSample {
+    /// End of the step.
+    pub(crate) stamp_secs: f64,
+    /// Lowest point of the object above the table top, metres.
+    pub(crate) clearance_m: f64,
+    /// Rise of the object's centre above its rest pose, metres.
+    pub(crate) rise_m: f64,
+    /// The acting hand touches it.
+    pub(crate) touched_by_hand: bool,
+    /// Something other than the hand and grains touches it: table, another object, the arm.
+    pub(crate) supported: bool,
+    /// Object in the palm.
+    pub(crate) palm_from_object: Pose,
+}
+
+/// Where an object is in its life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HoldPhase {
+    /// On the table, or on something that is.
+    Supported,
+    /// Carried by the hand alone.
+    Held,
+    /// Was held, is neither held nor supported.
+    Lost,
+}
+
+/// One hold, present or past.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hold {
+    /// When the hand alone carried the object.
+    pub since_secs: f64,
+    /// Last step of the hold.
+    pub until_secs: f64,
+    /// Object in the palm at that first moment: closing had ended.
+    pub palm_from_object_at_closing: Pose,
+    /// Object in the palm at the last step of the hold.
+    pub palm_from_object: Pose,
+    /// Largest displacement in the palm frame so far, metres.
+    pub max_slip_m: f64,
+    /// Largest rotation in the palm frame so far, radians.
+    pub max_slip_rad: f64,
+    /// Largest rise of the centre during the hold, metres.
+    pub max_rise_m: f64,
+}
+
+impl Hold {
+    /// Length in seconds.
+    #[must_use]
+    pub fn duration_secs(&self) -> f64 {
+        self.until_secs - self.since_secs
+    }
+
+    /// Displacement (metres) and rotation (radians) in the palm frame since closing ended.
+    #[must_use]
+    pub fn slip(&self) -> (f64, f64) {
+        slip_between(&self.palm_from_object_at_closing, &self.palm_from_object)
+    }
+}
+
+/// Follows one object.
+#[derive(Clone, Debug)]
+pub(crate) struct HoldTracker {
+    /// Phase after the newest step.
+    pub(crate) phase: HoldPhase,
+    /// The present hold, or the last one.
+    pub(crate) latest: Option<Hold>,
+    /// Longest hold so far, seconds.
+    pub(crate) longest_secs: f64,
+    /// Largest rise of the centre while held, metres.
+    pub(crate) max_rise_m: f64,
+    untouched_since_secs: Option<f64>,
+}
+
+impl Default for HoldTracker {
+    fn default() -> Self {
+        Self { phase: HoldPhase::Supported, latest: None, longest_secs: 0.0, max_rise_m: 0.0, untouched_since_secs: None }
+    }
+}
+
+impl HoldTracker {
+    /// Takes one step into account; true in the step in which a hold begins.
+    pub(crate) fn update(&mut self, sample: &HoldSample) -> bool {
+        match self.phase {
+            HoldPhase::Supported => {
+                let begins = sample.touched_by_hand && !sample.supported && sample.clearance_m > LIFT_OFF_M;
+                if begins {
+                    self.phase = HoldPhase::Held;
+                    self.untouched_since_secs = None;
+                    self.latest = Some(Hold {
+                        since_secs: sample.stamp_secs,
+                        until_secs: sample.stamp_secs,
+                        palm_from_object_at_closing: sample.palm_from_object,
+                        palm_from_object: sample.palm_from_object,
+                        max_slip_m: 0.0,
+                        max_slip_rad: 0.0,
+                        max_rise_m: sample.rise_m,
+                    });
+                    self.max_rise_m = self.max_rise_m.max(sample.rise_m);
+                }
+                return begins;
+            }
+            HoldPhase::Held => self.follow(sample),
+            HoldPhase::Lost => {
+                if sample.clearance_m < PUT_DOWN_M || (sample.supported && !sample.touched_by_hand) {
+                    self.phase = HoldPhase::Supported;
+                }
+            }
+        }
+        false
+    }
+
+    /// Whether the object is in the hand now.
+    #[must_use]
+    pub(crate) fn is_held(&self) -> bool {
+        self.phase == HoldPhase::Held
+    }
+
+    fn follow(&mut self, sample: &HoldSample) {
+        if sample.clearance_m < PUT_DOWN_M {
+            self.phase = HoldPhase::Supported;
+            return;
+        }
+        if sample.touched_by_hand {
+            self.untouched_since_secs = None;
+        } else {
+            let since = *self.untouched_since_secs.get_or_insert(sample.stamp_secs);
+            // Half a microsecond of slack: stamps are sums of periods.
+            if sample.stamp_secs - since >= LOST_AFTER_SECS - 5e-7 {
+                self.phase = HoldPhase::Lost;
+            }
+            return;
+        }
+        let Some(hold) = &mut self.latest else { return };
+        hold.until_secs = sample.stamp_secs;
+        hold.palm_from_object = sample.palm_from_object;
+        let (slip_m, slip_rad) = hold.slip();
+        hold.max_slip_m = hold.max_slip_m.max(slip_m);
+        hold.max_slip_rad = hold.max_slip_rad.max(slip_rad);
+        hold.max_rise_m = hold.max_rise_m.max(sample.rise_m);
+        self.max_rise_m = self.max_rise_m.max(sample.rise_m);
+        self.longest_secs = self.longest_secs.max(hold.duration_secs());
+    }
+}
+
+/// Displacement of the object's origin (metres) and rotation (radians) between two poses in the palm.
+#[must_use]
+pub fn slip_between(before: &Pose, after: &Pose) -> (f64, f64) {
+    let moved = (after.translation.vector - before.translation.vector).norm();
+    (moved, before.rotation.angle_to(&after.rotation))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Steps of 0.05 s: clearance in mm, then `h` for hand contact, `s` for support.
+    fn run(steps: &str) -> HoldTracker {
+        let mut tracker = HoldTracker::default();
+        for (i, step) in steps.split_whitespace().enumerate() {
+            let digits: String = step.chars().take_while(char::is_ascii_digit).collect();
+            let height_m = digits.parse::<f64>().unwrap_or(0.0) * 1e-3;
+            tracker.update(&HoldSample {
+                stamp_secs: i as f64 * 0.05,
+                clearance_m: height_m,
+                rise_m: height_m,
+                touched_by_hand: step.contains('h'),
+                supported: step.contains('s'),
+                palm_from_object: Pose::translation(0.0, 0.0, if step.contains('d') { -0.01 } else { 0.0 }),
+            });
+        }
+        tracker
+    }
+
+    #[track_caller]
+    fn check(steps: &str, phase: HoldPhase, longest_secs: f64, max_rise_mm: f64) {
+        let tracker = run(steps);
+        assert_eq!(tracker.phase, phase);
+        assert!((tracker.longest_secs - longest_secs).abs() < 1e-9, "longest {}", tracker.longest_secs);
+        assert!((tracker.max_rise_m * 1e3 - max_rise_mm).abs() < 1e-9, "rise {}", tracker.max_rise_m);
+    }
+
+    #[test]
+    fn phases() {
+        check("0s 0s 0hs", HoldPhase::Supported, 0.0, 0.0); // nothing lifted
+        check("0s 4h 4h", HoldPhase::Supported, 0.0, 0.0); // under the threshold
+        check("0s 80 80", HoldPhase::Supported, 0.0, 0.0); // flies without the hand
+        check("0hs 20hs 30hs", HoldPhase::Supported, 0.0, 0.0); // leans on something else
+        check("0hs 6h 50h 120h", HoldPhase::Held, 0.10, 120.0);
+        check("0hs 6h 50h 50 50h", HoldPhase::Held, 0.15, 50.0); // a short gap is bridged
+        check("0hs 6h 50h 40 30 20 0s 0s", HoldPhase::Supported, 0.05, 50.0); // dropped
+        check("0hs 6h 50h 40 30 20 30h 60h", HoldPhase::Lost, 0.05, 50.0); // caught in the air: no new hold
+        check("0hs 6h 50h 0s 6h 30h 30h", HoldPhase::Held, 0.10, 50.0); // grasped again
+    }
+
+    #[test]
+    fn slip_is_measured_from_lift_off() {
+        let hold = run("0hs 6h 50h 50hd 50h").latest.map(|hold| (hold.slip().0, hold.max_slip_m));
+        assert_eq!(hold, Some((0.0, 0.01)));
+    }
+}

@@ -1,0 +1,212 @@
+//! What makes one closed hand better than another, and which candidates are too much alike.
+
+use crate::closing::{Closed, LinkContact};
+use crate::hand::Hand;
+use sfg_types::{GraspType, HandSide, Opposition, Point, Pose, ScoreTerm, Vector};
+
+/// Margin that counts as half held, weights of the assumed mass.
+const HALF_HELD_WEIGHTS: f64 = 2.0;
+/// How much of the stability rests on the fit to the request.
+const FIT_SHARE: f64 = 0.7;
+/// Distance from the key point at which proximity falls to 1/e, metres: half a palm.
+const PROXIMITY_M: f64 = 0.04;
+/// Gap to the table beyond which more is no better, metres.
+const AMPLE_CLEARANCE_M: f64 = 0.03;
+/// Candidates nearer than this in both respects are one grasp, metres and radians.
+const ALIKE: (f64, f64) = (0.025, 0.35);
+/// Most candidates of one approach sector in the first pass: the arm may reach only some sectors.
+const PER_SECTOR: usize = 2;
+/// Number of sectors of the approach azimuth.
+const N_SECTORS: f64 = 12.0;
+
+/// A closed hand with everything its score is made of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scored {
+    /// Palm pose.
+    pub base_from_palm: Pose,
+    /// Contacts of the closed hand.
+    pub contacts: Vec<LinkContact>,
+    /// Wrench margin, weights of the assumed mass.
+    pub margin_weights: f64,
+    /// Terms in [0, 1] apart from the margin.
+    pub terms: Terms,
+}
+
+/// Parts of the score, each in [0, 1].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Terms {
+    /// Share of the fingers that touch.
+    pub fingers: f64,
+    /// How well the surfaces that the type names press against each other.
+    pub opposition: f64,
+    /// Nearness of the held place to the key point.
+    pub proximity: f64,
+    /// Fit of the thickness to the type.
+    pub type_fit: f64,
+    /// The forearm points back and up to the shoulder.
+    pub wrist_ease: f64,
+    /// Gap of the closed hand to the table.
+    pub table_clearance: f64,
+}
+
+/// What the terms are measured against.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wanted<'a> {
+    /// The hand.
+    pub hand: &'a Hand,
+    /// The type.
+    pub grasp_type: GraspType,
+    /// Where to hold, base frame.
+    pub key_point: Point,
+}
+
+impl Scored {
+    /// Share of the margin that counts, in [0, 1).
+    #[must_use]
+    pub fn hold(&self) -> f64 {
+        self.margin_weights / (self.margin_weights + HALF_HELD_WEIGHTS)
+    }
+
+    /// Predicted stability in [0, 1] and the order of candidates: grows with the margin, is 0 without one, and falls by up to
+    /// [`FIT_SHARE`] for a grasp that holds but is not the one that was asked for.
+    #[must_use]
+    pub fn stability(&self) -> f64 {
+        let t = &self.terms;
+        let fit = 0.25 * t.fingers
+            + 0.25 * t.opposition
+            + 0.25 * t.proximity
+            + 0.05 * t.type_fit
+            + 0.15 * t.wrist_ease
+            + 0.05 * t.table_clearance;
+        self.hold() * (1.0 - FIT_SHARE + FIT_SHARE * fit)
+    }
+
+    /// The terms for the report.
+    #[must_use]
+    pub fn report(&self) -> Vec<ScoreTerm> {
+        let t = &self.terms;
+        let term = |name: &str, value: f64| ScoreTerm { name: name.to_owned(), value };
+        vec![
+            term("hold", self.hold()),
+            term("wrench_margin_weights", self.margin_weights),
+            term("fingers", t.fingers),
+            term("opposition", t.opposition),
+            term("proximity", t.proximity),
+            term("type_fit", t.type_fit),
+            term("wrist_ease", t.wrist_ease),
+            term("table_clearance", t.table_clearance),
+        ]
+    }
+}
+
+/// Terms of a closed hand; `radius_m` is the thickness of what it holds.
+#[must_use]
+pub fn terms(closed: &Closed, base_from_palm: &Pose, facing: &Point, radius_m: f64, wanted: &Wanted<'_>) -> Terms {
+    let n_fingers = wanted.hand.fingers.len();
+    let touching = (0..n_fingers).filter(|&i| closed.contacts.iter().any(|c| c.finger_idx == Some(i))).count();
+    let needed = match wanted.grasp_type {
+        GraspType::PalmarPinch | GraspType::Lateral => 2,
+        GraspType::Tripod => 3,
+        _ => n_fingers,
+    };
+    let held = grip_centre(closed).unwrap_or(*facing);
+    // The shoulder is behind, above and on the hand's own side; base frame only, so that a moved object changes nothing.
+    let aside = match wanted.hand.side {
+        HandSide::Left => 0.4,
+        HandSide::Right => -0.4,
+    };
+    let to_shoulder = Vector::new(-1.0, aside, 0.6).normalize();
+    let forearm = base_from_palm * -Vector::x();
+    Terms {
+        fingers: (touching as f64 / needed as f64).min(1.0),
+        opposition: opposition(&closed.contacts, wanted),
+        proximity: (-(held - wanted.key_point).norm() / PROXIMITY_M).exp(),
+        type_fit: type_fit(wanted.grasp_type, radius_m),
+        wrist_ease: 0.5 + 0.5 * forearm.dot(&to_shoulder),
+        table_clearance: (closed.table_clearance_m / AMPLE_CLEARANCE_M).clamp(0.0, 1.0),
+    }
+}
+
+/// Mean of the contact points.
+fn grip_centre(closed: &Closed) -> Option<Point> {
+    let n = closed.contacts.len() as f64;
+    (n > 0.0).then(|| Point::from(closed.contacts.iter().map(|c| c.contact.point_in_base.coords).sum::<Vector>() / n))
+}
+
+/// Largest opposition of normals between the two sides that the type names, 0 when one of them does not touch.
+fn opposition(contacts: &[LinkContact], wanted: &Wanted<'_>) -> f64 {
+    let is_thumb = |c: &&LinkContact| c.finger_idx.is_some_and(|i| wanted.hand.fingers[i].is_thumb);
+    let is_finger = |c: &&LinkContact| c.finger_idx.is_some_and(|i| !wanted.hand.fingers[i].is_thumb);
+    let is_palm = |c: &&LinkContact| c.finger_idx.is_none();
+    let between = |a: &dyn Fn(&&LinkContact) -> bool, b: &dyn Fn(&&LinkContact) -> bool| {
+        let mut best = 0.0_f64;
+        for first in contacts.iter().filter(|c| a(c)) {
+            for second in contacts.iter().filter(|c| b(c)) {
+                best = best.max(-first.contact.inward_normal.dot(&second.contact.inward_normal));
+            }
+        }
+        best
+    };
+    match wanted.grasp_type.opposition() {
+        Opposition::Palm => between(&is_palm, &is_finger).max(between(&is_thumb, &is_finger)),
+        Opposition::Pad | Opposition::Side => between(&is_thumb, &is_finger),
+    }
+}
+
+/// 1 inside the radii that a type suits, falling to 0 over a further centimetre.
+fn type_fit(grasp_type: GraspType, radius_m: f64) -> f64 {
+    let (low_m, high_m) = match grasp_type {
+        GraspType::LargeDiameter => (0.025, 0.050),
+        GraspType::MediumWrap => (0.014, 0.032),
+        GraspType::SmallDiameter => (0.004, 0.018),
+        GraspType::AdductedThumb => (0.006, 0.022),
+        GraspType::FixedHook | GraspType::IndexFingerExtension => (0.004, 0.020),
+        GraspType::PowerSphere => (0.022, 0.050),
+        GraspType::PrecisionDisk => (0.020, 0.055),
+        GraspType::PrismaticFourFinger => (0.008, 0.040),
+        GraspType::Tripod => (0.002, 0.020),
+        GraspType::PalmarPinch => (0.001, 0.015),
+        GraspType::Lateral => (0.001, 0.012),
+    };
+    let outside_m = (low_m - radius_m).max(radius_m - high_m).max(0.0);
+    (1.0 - outside_m / 0.01).max(0.0)
+}
+
+/// Indices of at most `n` of `sorted` (best first): first the best of each approach sector, then what is left.
+#[must_use]
+pub fn diverse(sorted: &[Scored], n: usize) -> Vec<usize> {
+    let mut chosen: Vec<usize> = Vec::new();
+    let mut in_sector = [0_usize; N_SECTORS as usize];
+    for limit in [PER_SECTOR, usize::MAX] {
+        for (idx, candidate) in sorted.iter().enumerate() {
+            if chosen.len() >= n {
+                break;
+            }
+            if chosen.iter().any(|&other| is_alike(&sorted[other].base_from_palm, &candidate.base_from_palm)) {
+                continue;
+            }
+            let sector = sector(&candidate.base_from_palm);
+            if in_sector[sector] >= limit {
+                continue;
+            }
+            in_sector[sector] += 1;
+            chosen.push(idx);
+        }
+    }
+    chosen.sort_unstable();
+    chosen
+}
+
+fn is_alike(a: &Pose, b: &Pose) -> bool {
+    (a.translation.vector - b.translation.vector).norm() < ALIKE.0 && a.rotation.angle_to(&b.rotation) < ALIKE.1
+}
+
+/// Sector of the azimuth of the forearm, which is defined for approaches from the side and from above.
+fn sector(base_from_palm: &Pose) -> usize {
+    let forearm = base_from_palm * -Vector::x();
+    let z = base_from_palm * Vector::z();
+    let along = if forearm.xy().norm() > 0.5 { forearm } else { z };
+    let turn = along.y.atan2(along.x) / std::f64::consts::TAU + 0.5;
+    // Sector limits lie between the sampled azimuths, so that rounding cannot move a pose across.
+    ((turn * N_SECTORS + 0.25).floor() as usize) % N_SECTORS as usize
+}

@@ -1,0 +1,248 @@
+//! The acting arm among the things on the table: what skills ask of kinematics and planning.
+
+use crate::post_grasp::pour_path::VesselShape;
+use crate::robot::Robot;
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+use sfg_kinematics::{Chain, IkOutcome, IkSettings, IkSolver, Shape};
+use sfg_planning::{
+    BodyGroup, CartesianOutcome, CartesianSettings, CartesianStop, CollisionModel, CollisionSettings, Obstacle, PlanOutcome,
+    Planner, RrtConnect, TimingSettings, cartesian_path, retime, verify_exact,
+};
+use sfg_types::{JointTrajectory, ObjectCluster, Point, Pose, SceneInventory, ShapeClass, SynergyCoordinates};
+use std::fmt;
+
+/// Share of the speed limits away from things.
+pub const PLAN_SPEED: f64 = 0.4;
+/// Name of the object that is grasped among the obstacles.
+const TARGET: &str = "the object";
+/// Name of the table among the obstacles.
+const TABLE: &str = "the table";
+/// The cameras do not see where the table ends, so it reaches this far about its known edge, metres.
+const TABLE_X_M: (f64, f64) = (0.45, 1.6);
+const TABLE_HALF_WIDTH_M: f64 = 1.2;
+const TABLE_HALF_THICKNESS_M: f64 = 0.03;
+/// What is seen of a thing may be this much smaller than the thing.
+const OBSTACLE_MARGIN_M: f64 = 0.01;
+/// Spacing of exact checks before a motion is sent.
+const EXACT_STEP_RAD: f64 = 0.02;
+/// Spacing of the spheres along a held vessel.
+const VESSEL_STEP_M: f64 = 0.02;
+
+/// How a straight motion ended early.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Miss {
+    /// Distance from where the arm could go to where it should, metres; 0 when it was not the reach that failed.
+    pub position_m: f64,
+    /// Waypoints that were reached.
+    pub n_reached: usize,
+    /// Why, for people.
+    pub why: String,
+}
+
+impl fmt::Display for Miss {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.why)
+    }
+}
+
+/// The arm, the hand in one shape, and the obstacles seen.
+pub struct ArmScene<'a> {
+    robot: &'a Robot,
+    whole_q: Vec<f64>,
+    /// Everything is an obstacle.
+    free: CollisionModel,
+    /// The hand may touch the object.
+    grasping: CollisionModel,
+    /// The object is in the hand, not on the table.
+    carrying: CollisionModel,
+    seed: u64,
+}
+
+impl<'a> ArmScene<'a> {
+    /// The scene of `inventory`; `object_id` is the thing that is grasped or held. The hand has the shape `hand`.
+    ///
+    /// # Panics
+    /// If the robot's own model is broken: it was checked when it was loaded.
+    #[must_use]
+    pub fn new(
+        robot: &'a Robot,
+        inventory: &SceneInventory,
+        object_id: Option<u32>,
+        hand: SynergyCoordinates,
+        seed: u64,
+    ) -> Self {
+        let whole_q = robot.whole_q(&robot.sent().q, hand);
+        let empty = CollisionModel::new(robot.model(), robot.side(), &whole_q, CollisionSettings::default())
+            .unwrap_or_else(|error| panic!("the loaded robot has a collision model: {error}"));
+        let mut others = vec![table(inventory.table_height_m)];
+        let mut target = None;
+        for cluster in &inventory.clusters {
+            let name = cluster.names.first().map_or("a thing", |ranked| ranked.name.as_str());
+            if Some(cluster.id) == object_id {
+                target = Some(obstacle(cluster, TARGET, inventory.table_height_m, 0.0));
+            } else {
+                let name = format!("{name} {}", cluster.id);
+                others.push(obstacle(cluster, &name, inventory.table_height_m, OBSTACLE_MARGIN_M));
+            }
+        }
+        let mut carrying = empty.clone();
+        carrying.set_world(&others, None);
+        others.extend(target);
+        let mut free = empty;
+        free.set_world(&others, None);
+        let mut grasping = free.clone();
+        grasping.allow(BodyGroup::Hand, TARGET);
+        Self { robot, whole_q, free, grasping, carrying, seed }
+    }
+
+    fn chain(&self) -> &Chain {
+        self.robot.chain()
+    }
+
+    fn rng(&self) -> ChaCha8Rng {
+        ChaCha8Rng::seed_from_u64(self.seed)
+    }
+
+    /// Palm pose of a configuration.
+    #[must_use]
+    pub fn palm_pose(&self, q: &[f64]) -> Pose {
+        self.chain().fk(q)
+    }
+
+    /// Up to `n` arm configurations with the palm at `base_from_palm`, nearest to `near_q` first.
+    ///
+    /// # Errors
+    /// The smallest position miss, metres.
+    pub fn configurations(&self, base_from_palm: &Pose, near_q: &[f64], n: usize) -> Result<Vec<Vec<f64>>, f64> {
+        let settings = IkSettings { max_starts: IK_STARTS, ..IkSettings::default() };
+        let found = IkSolver::solve_several(self.chain(), base_from_palm, near_q, n, &settings, &mut self.rng());
+        if !found.is_empty() {
+            return Ok(found);
+        }
+        match IkSolver::solve(self.chain(), base_from_palm, near_q, &settings, &mut self.rng()) {
+            IkOutcome::Solved { q, .. } => Ok(vec![q]),
+            IkOutcome::Failed { position_miss_m, .. } => Err(position_miss_m),
+        }
+    }
+
+    /// Configurations along straight palm motions from `start_q` through `waypoints`, the start first.
+    ///
+    /// # Errors
+    /// Where and why the arm cannot go on.
+    pub fn straight(&self, start_q: &[f64], waypoints: &[Pose]) -> Result<Vec<Vec<f64>>, Miss> {
+        match cartesian_path(self.chain(), start_q, waypoints, &CartesianSettings::default(), None) {
+            CartesianOutcome::Found(path) => Ok(path),
+            CartesianOutcome::Stopped { waypoint_idx, stop, .. } => {
+                let position_m = match &stop {
+                    CartesianStop::Unreachable { position_miss_m, .. } => *position_miss_m,
+                    _ => 0.0,
+                };
+                Err(Miss { position_m, n_reached: waypoint_idx, why: why(&stop) })
+            }
+        }
+    }
+
+    /// What the arm or the open hand touches, the object included.
+    #[must_use]
+    pub fn touches(&self, q: &[f64]) -> Option<String> {
+        self.free.contact(q).map(|contact| contact.to_string())
+    }
+
+    /// What is touched at the grasp: the hand may touch the object, and the margins about it do not count.
+    #[must_use]
+    pub fn touches_at_grasp(&self, q: &[f64]) -> Option<String> {
+        self.grasping.contact(q).map(|contact| contact.to_string())
+    }
+
+    /// The scene with a vessel in the hand.
+    #[must_use]
+    pub fn with_vessel(&self, shape: &VesselShape, palm_from_vessel: &Pose) -> CollisionModel {
+        let mut carrying = self.carrying.clone();
+        let n_spheres = (shape.height_m / VESSEL_STEP_M).ceil() as usize;
+        let spheres: Vec<(Point, f64)> = (0..=n_spheres)
+            .map(|n| {
+                let height_m = shape.body_radius_m
+                    + (shape.height_m - shape.body_radius_m - shape.mouth_radius_m).max(0.0) * n as f64 / n_spheres as f64;
+                let radius_m = if height_m > 0.75 * shape.height_m { shape.mouth_radius_m } else { shape.body_radius_m };
+                (palm_from_vessel * Point::new(0.0, 0.0, height_m), radius_m)
+            })
+            .collect();
+        carrying.attach("the vessel", &spheres);
+        carrying.allow(BodyGroup::Attached, TABLE);
+        carrying
+    }
+
+    /// A collision-free, timed motion, verified on the exact shapes.
+    ///
+    /// # Errors
+    /// Why there is none.
+    pub fn plan(&self, start_q: &[f64], goal_q: &[f64], speed: f64) -> Result<JointTrajectory, String> {
+        let path = match RrtConnect::default().plan(&self.free, start_q, &[goal_q.to_vec()], self.seed) {
+            PlanOutcome::Found(path) => path,
+            PlanOutcome::StartInCollision { contact } => return Err(format!("the arm already touches: {contact}")),
+            PlanOutcome::GoalInCollision { contact, .. } => return Err(format!("its end touches: {contact}")),
+            PlanOutcome::OutsideLimits { joint, value, lower, upper } => {
+                return Err(format!("joint {joint:?} at {value:.3} rad is outside [{lower:.3}, {upper:.3}]"));
+            }
+            PlanOutcome::NotFound { iterations } => return Err(format!("none found in {iterations} iterations")),
+        };
+        let settings = TimingSettings { speed_fraction: speed, ..TimingSettings::default() };
+        let trajectory = retime(&path, self.chain(), &settings, Some(&self.free)).map_err(|error| error.to_string())?;
+        match verify_exact(self.robot.model(), self.robot.side(), &self.whole_q, &self.free, &trajectory.q, EXACT_STEP_RAD) {
+            None => Ok(trajectory),
+            Some(contact) => Err(format!("the exact shapes touch: {contact}")),
+        }
+    }
+
+    /// Times a path of [`Self::straight`].
+    ///
+    /// # Errors
+    /// Why it cannot be timed.
+    pub fn time(&self, path: &[Vec<f64>], speed: f64) -> Result<JointTrajectory, String> {
+        retime(path, self.chain(), &TimingSettings::cartesian(speed), None).map_err(|error| error.to_string())
+    }
+}
+
+/// Descents of the inverse kinematics for one palm pose: CURI's mounting leaves nearly every pose several solutions.
+const IK_STARTS: usize = 24;
+
+fn why(stop: &CartesianStop) -> String {
+    match stop {
+        CartesianStop::Unreachable { position_miss_m, rotation_miss_rad } => {
+            format!("out of reach by {position_miss_m:.3} m and {rotation_miss_rad:.2} rad")
+        }
+        CartesianStop::JointJump { joint, jump_rad } => format!("joint {joint:?} would have to jump by {jump_rad:.2} rad"),
+        CartesianStop::Deviation { deviation_m, .. } => format!("the palm would leave the straight way by {deviation_m:.3} m"),
+        CartesianStop::Collision(contact) => contact.to_string(),
+    }
+}
+
+fn table(height_m: f64) -> Obstacle {
+    Obstacle {
+        name: TABLE.to_owned(),
+        shape: Shape::Cuboid {
+            half_extents_m: [(TABLE_X_M.1 - TABLE_X_M.0) / 2.0, TABLE_HALF_WIDTH_M, TABLE_HALF_THICKNESS_M].into(),
+        },
+        pose_in_base: Pose::translation((TABLE_X_M.0 + TABLE_X_M.1) / 2.0, 0.0, height_m - TABLE_HALF_THICKNESS_M),
+    }
+}
+
+/// A cluster from the table up, as an upright cylinder or box.
+fn obstacle(cluster: &ObjectCluster, name: &str, table_height_m: f64, margin_m: f64) -> Obstacle {
+    let height_m = (cluster.centre_in_base.z + cluster.size_m.z / 2.0 - table_height_m).max(0.01) + margin_m;
+    let centre = cluster.centre_in_base;
+    let upright = Pose::new(
+        nalgebra::Vector3::new(centre.x, centre.y, table_height_m + height_m / 2.0),
+        nalgebra::Vector3::z() * cluster.yaw_rad,
+    );
+    let shape = match cluster.shape {
+        ShapeClass::UprightCylinder | ShapeClass::WideRound => {
+            Shape::Cylinder { radius_m: cluster.size_m.x.max(cluster.size_m.y) / 2.0 + margin_m, half_length_m: height_m / 2.0 }
+        }
+        _ => Shape::Cuboid {
+            half_extents_m: [cluster.size_m.x / 2.0 + margin_m, cluster.size_m.y / 2.0 + margin_m, height_m / 2.0].into(),
+        },
+    };
+    Obstacle { name: name.to_owned(), shape, pose_in_base: upright }
+}

@@ -1,0 +1,114 @@
+//! Following arm trajectories, shared by the skills that move.
+
+use crate::arm::ArmScene;
+use crate::context::{SkillContext, SkillFailure, StageNote, hash_of};
+use crate::robot::Robot;
+use sfg_tree::{Action, Outcome, PortSpec, Progress, Registry, Tick};
+use sfg_types::{FailureReason, JointTrajectory, SceneInventory};
+
+/// A measured joint farther than this from its set point means that something blocks or drives the arm, radians.
+const MAX_TRACKING_ERROR_RAD: f64 = 0.15;
+/// Time given to come to rest at the end.
+const SETTLE_SECS: f64 = 0.1;
+
+/// Follows one trajectory.
+#[derive(Clone, Debug)]
+pub struct Follower {
+    trajectory: JointTrajectory,
+    start_secs: Option<f64>,
+}
+
+impl Follower {
+    /// Follows `trajectory` from the next period on.
+    #[must_use]
+    pub fn new(trajectory: JointTrajectory) -> Self {
+        Self { trajectory, start_secs: None }
+    }
+
+    /// Sets the coming set point.
+    ///
+    /// # Errors
+    /// [`FailureReason::TrackingLost`] when the arm does not follow.
+    pub fn poll(&mut self, robot: &mut Robot) -> Result<Progress, SkillFailure> {
+        let start_secs = *self.start_secs.get_or_insert(robot.now_secs());
+        let (joint, error_rad) = worst_tracking_error(robot);
+        if error_rad > MAX_TRACKING_ERROR_RAD {
+            return Err(SkillFailure::new(
+                FailureReason::TrackingLost,
+                format!("joint {:?} is {error_rad:.2} rad from its set point", robot.chain().joint_names[joint]),
+            ));
+        }
+        let t_secs = robot.now_secs() - start_secs + robot.period_secs();
+        let (q, dq) = self.trajectory.sample(t_secs);
+        robot.set_arm(q, dq);
+        Ok(if t_secs >= self.trajectory.duration_secs() + SETTLE_SECS { Progress::Success } else { Progress::Running })
+    }
+}
+
+fn worst_tracking_error(robot: &Robot) -> (usize, f64) {
+    let errors = robot.state().q.iter().zip(&robot.sent().q).map(|(measured, sent)| (measured - sent).abs());
+    errors.enumerate().fold((0, 0.0), |worst, (joint, error)| if error > worst.1 { (joint, error) } else { worst })
+}
+
+/// `move_joints`: moves the acting arm to a configuration, clear of the robot itself.
+///
+/// | port | direction | type | meaning |
+/// |---|---|---|---|
+/// | `q_rad` | setting | list of numbers | joint positions, one a joint of the arm |
+/// | `speed` | setting | number | share of the speed limits, 0 to 1 |
+///
+/// Success at the goal; Failure `no_path`, `limit_violated` or `tracking_lost`; halt brings the arm to rest.
+#[derive(Default)]
+struct MoveJoints {
+    follower: Option<Follower>,
+}
+
+impl Action<SkillContext> for MoveJoints {
+    fn start(&mut self, tick: &mut Tick<'_, SkillContext>) -> Outcome {
+        let q_goal = tick.get::<Vec<f64>>("q_rad")?;
+        let speed = tick.get::<f64>("speed")?;
+        let context = &mut *tick.context;
+        let outcome = plan_to(context, &SceneInventory::default(), &q_goal, speed).map(|trajectory| {
+            let note = StageNote {
+                summary: format!("{:.1} s of motion to {q_goal:.2?}", trajectory.duration_secs()),
+                input_sha256: hash_of(&(&context.robot.sent().q, &q_goal)),
+                details: serde_json::json!({"duration_secs": trajectory.duration_secs()}),
+            };
+            (trajectory, note)
+        });
+        let trajectory = context.finish_stage("move_joints", outcome)?;
+        self.follower = Some(Follower::new(trajectory));
+        self.poll(tick)
+    }
+
+    fn poll(&mut self, tick: &mut Tick<'_, SkillContext>) -> Outcome {
+        let Some(follower) = &mut self.follower else { return Ok(Progress::Success) };
+        Ok(follower.poll(&mut tick.context.robot)?)
+    }
+}
+
+/// A motion among the things of `inventory`; without a table height there is no table.
+fn plan_to(
+    context: &SkillContext,
+    inventory: &SceneInventory,
+    q_goal: &[f64],
+    speed: f64,
+) -> Result<JointTrajectory, SkillFailure> {
+    let robot = &context.robot;
+    let n_joints = robot.chain().n_joints();
+    if q_goal.len() != n_joints {
+        let explanation = format!("{} joint positions were given, the arm has {n_joints} joints", q_goal.len());
+        return Err(SkillFailure::new(FailureReason::LimitViolated, explanation));
+    }
+    let scene = ArmScene::new(robot, inventory, None, robot.synergy(), context.seed);
+    scene.plan(&robot.sent().q, q_goal, speed).map_err(|why| SkillFailure::new(FailureReason::NoPath, why))
+}
+
+/// Registers `move_joints`.
+pub fn register(registry: &mut Registry<SkillContext>) {
+    let ports = [
+        PortSpec::setting::<Vec<f64>>("q_rad").doc("Joint positions of the acting arm, radians."),
+        PortSpec::setting::<f64>("speed").default_value(0.5).range(0.01, 1.0).doc("Share of the speed limits."),
+    ];
+    registry.action("move_joints", ports, MoveJoints::default).doc("Moves the acting arm to a configuration.");
+}

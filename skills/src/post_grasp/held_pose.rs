@@ -1,0 +1,216 @@
+//! How a vessel lies in the hand after closing and lifting: it turns and slides while the fingers pull.
+//!
+//! The vessel's outline was seen while it stood free. Here the pose of that outline is fitted to what the cameras see of it
+//! between the fingers.
+
+use crate::post_grasp::pour_path::VesselShape;
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+use sfg_geometry::cloud;
+use sfg_plugin::SelfSphere;
+use sfg_types::{ObjectCluster, Observation, Point, Pose};
+
+/// Radius over height, from the base up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outline {
+    height_m: f64,
+    radii_m: Vec<f64>,
+}
+
+/// Bands of the outline.
+const N_BANDS: usize = 12;
+
+impl Outline {
+    /// The outline of a cluster that stands free; bands without points take the nearest band's radius.
+    #[must_use]
+    pub fn of(cluster: &ObjectCluster, shape: &VesselShape) -> Self {
+        let vessel_from_base = shape.base_from_vessel.inverse();
+        let mut bands: Vec<Vec<f64>> = vec![Vec::new(); N_BANDS];
+        for point in &cluster.points_in_base {
+            let point = vessel_from_base * point.cast::<f64>();
+            let band = (point.z / shape.height_m * N_BANDS as f64).floor();
+            if (0.0..N_BANDS as f64).contains(&band) {
+                bands[band as usize].push(point.x.hypot(point.y));
+            }
+        }
+        let medians: Vec<Option<f64>> = bands
+            .into_iter()
+            .map(|mut band| {
+                band.sort_by(f64::total_cmp);
+                band.get(band.len() / 2).copied()
+            })
+            .collect();
+        let radii_m = (0..N_BANDS)
+            .map(|band| {
+                let nearest = (0..N_BANDS).filter(|other| medians[*other].is_some()).min_by_key(|other| other.abs_diff(band));
+                nearest.and_then(|other| medians[other]).unwrap_or(shape.body_radius_m)
+            })
+            .collect();
+        Self { height_m: shape.height_m, radii_m }
+    }
+
+    fn radius_m(&self, height_m: f64) -> f64 {
+        let at = (height_m / self.height_m * N_BANDS as f64 - 0.5).clamp(0.0, N_BANDS as f64 - 1.0);
+        let below = at.floor() as usize;
+        let above = (below + 1).min(N_BANDS - 1);
+        let share = at - below as f64;
+        self.radii_m[below] * (1.0 - share) + self.radii_m[above] * share
+    }
+
+    /// Signed distance of a point from the outer surface, nearly: metres, positive outside.
+    fn distance_m(&self, point_in_vessel: &Point) -> f64 {
+        let side = point_in_vessel.x.hypot(point_in_vessel.y) - self.radius_m(point_in_vessel.z);
+        let end = (point_in_vessel.z - self.height_m).max(-point_in_vessel.z);
+        if end > 0.0 && side > 0.0 { end.hypot(side) } else { side.max(end) }
+    }
+}
+
+/// A fitted pose and how well it explains the points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeldPose {
+    /// The vessel: base centre, +Z to the mouth.
+    pub base_from_vessel: Pose,
+    /// Points that the fit rests on.
+    pub n_points: usize,
+    /// Their root-mean-square distance from the outline, metres.
+    pub rms_m: f64,
+}
+
+/// Farther from the outline than this is something else: a finger, the inside, the table.
+const INLIER_M: f64 = 0.012;
+/// Fewest points for a fit.
+const MIN_POINTS: usize = 150;
+/// A fit this rough explains nothing.
+const MAX_RMS_M: f64 = 0.006;
+/// A vessel that seems to have moved more is another thing.
+const MAX_SHIFT_M: f64 = 0.06;
+const MAX_TURN_RAD: f64 = 0.8;
+const N_STEPS: usize = 15;
+/// The pull towards the guess, in points: it decides what the points leave open.
+const GUESS_WEIGHT: f64 = 5.0;
+
+/// Surface points near where the vessel should be, robot and table left out.
+#[must_use]
+pub fn points_near(
+    observation: &Observation,
+    robot: &[SelfSphere],
+    guess: &Pose,
+    height_m: f64,
+    table_height_m: f64,
+) -> Vec<Point> {
+    let middle = guess * Point::new(0.0, 0.0, height_m / 2.0);
+    let reach_m = height_m / 2.0 + MAX_SHIFT_M;
+    let nearby: Vec<&SelfSphere> =
+        robot.iter().filter(|ball| (ball.centre_in_base - middle).norm() < reach_m + ball.radius_m).collect();
+    let mut points = Vec::new();
+    for view in &observation.views {
+        for point in cloud::points_in_base(view, None) {
+            let is_near = (point - middle).norm() < reach_m && point.z > table_height_m + 0.01;
+            if is_near && !nearby.iter().any(|ball| (point - ball.centre_in_base).norm() < ball.radius_m) {
+                points.push(point);
+            }
+        }
+    }
+    points
+}
+
+/// The pose of `outline` that explains `points`, near `guess`; `None` when they do not show the vessel well enough.
+///
+/// Gauss-Newton over position and the two tilts; the turn about the vessel's own axis stays that of the guess.
+#[must_use]
+pub fn fit_held_pose(outline: &Outline, points: &[Point], guess: &Pose) -> Option<HeldPose> {
+    let mut pose = *guess;
+    let mut fit = None;
+    for _ in 0..N_STEPS {
+        let mut normal = SMatrix::<f64, 5, 5>::identity() * GUESS_WEIGHT * 1e-4;
+        let mut gradient = SVector::<f64, 5>::zeros();
+        let (mut n_points, mut sum_squares) = (0, 0.0);
+        let vessel_from_base = pose.inverse();
+        for point in points {
+            let p = vessel_from_base * point;
+            let e = outline.distance_m(&p);
+            if e.abs() > INLIER_M {
+                continue;
+            }
+            let slope = slope_of(outline, &p);
+            // Moving the vessel by d and turning it by w moves the point, as the vessel sees it, by -(d + w x p).
+            let turn = p.coords.cross(&slope);
+            let row = -SVector::<f64, 5>::new(slope.x, slope.y, slope.z, turn.x, turn.y);
+            normal += row * row.transpose();
+            gradient += row * e;
+            n_points += 1;
+            sum_squares += e * e;
+        }
+        if n_points < MIN_POINTS {
+            return None;
+        }
+        fit = Some(HeldPose { base_from_vessel: pose, n_points, rms_m: (sum_squares / f64::from(n_points as u32)).sqrt() });
+        let step = normal.cholesky()?.solve(&-gradient);
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], 0.0));
+        pose *= Pose::from_parts(Vector3::new(step[0], step[1], step[2]).into(), turn);
+        if step.norm() < 1e-6 {
+            break;
+        }
+    }
+    fit.filter(|fit| {
+        let moved = guess.inverse() * fit.base_from_vessel;
+        fit.rms_m < MAX_RMS_M && moved.translation.vector.norm() < MAX_SHIFT_M && moved.rotation.angle() < MAX_TURN_RAD
+    })
+}
+
+fn slope_of(outline: &Outline, point: &Point) -> Vector3<f64> {
+    const H: f64 = 1e-4;
+    let along =
+        |axis: Vector3<f64>| (outline.distance_m(&(point + axis * H)) - outline.distance_m(&(point - axis * H))) / (2.0 * H);
+    Vector3::new(along(Vector3::x()), along(Vector3::y()), along(Vector3::z()))
+}
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::unwrap_used, reason = "tests fail by panicking")]
+    use super::*;
+
+    const OUTLINE_HEIGHT_M: f64 = 0.2;
+
+    fn outline() -> Outline {
+        let radii_m = (0..N_BANDS).map(|band| if band < 9 { 0.034 } else { 0.024 }).collect();
+        Outline { height_m: OUTLINE_HEIGHT_M, radii_m }
+    }
+
+    /// Points of the upper half that two cameras in front and above would see.
+    fn seen(pose: &Pose, shift: f64) -> Vec<Point> {
+        let outline = outline();
+        let mut points = Vec::new();
+        for height in 0..40 {
+            let z = 0.1 + 0.0025 * f64::from(height);
+            for angle in 0..24 {
+                let turn = f64::from(angle) * 0.13;
+                let r = outline.radius_m(z) + shift;
+                points.push(pose * Point::new(-r * turn.sin(), r * turn.cos(), z));
+            }
+        }
+        for angle in 0..48 {
+            let turn = f64::from(angle) * 0.131;
+            points.push(pose * Point::new(0.023 * turn.cos(), 0.023 * turn.sin(), OUTLINE_HEIGHT_M));
+        }
+        points
+    }
+
+    #[test]
+    fn a_turned_and_shifted_vessel_is_found() {
+        let guess = Pose::translation(0.8, 0.2, 0.9);
+        let truth = guess * Pose::new(Vector3::new(0.008, -0.006, 0.004), Vector3::new(0.2, -0.15, 0.0));
+        let fit = fit_held_pose(&outline(), &seen(&truth, 0.0005), &guess).unwrap();
+        let error = truth.inverse() * fit.base_from_vessel;
+        assert!(error.translation.vector.norm() < 0.006, "{error}");
+        let tilt = (error.rotation * Vector3::z()).angle(&Vector3::z());
+        assert!(tilt < 0.05, "{tilt}");
+    }
+
+    #[test]
+    fn too_few_points_or_another_thing_are_no_fit() {
+        let guess = Pose::translation(0.8, 0.2, 0.9);
+        assert!(fit_held_pose(&outline(), &seen(&guess, 0.0)[..100], &guess).is_none());
+        let far = guess * Pose::translation(0.2, 0.0, 0.0);
+        assert!(fit_held_pose(&outline(), &seen(&far, 0.0), &guess).is_none());
+    }
+}
