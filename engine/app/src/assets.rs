@@ -1,6 +1,7 @@
 //! The folder of robots, objects and scenarios, and the words that it makes known.
 
-use anyhow::{Context as _, Result, bail};
+use crate::check::BadInput;
+use anyhow::{Context as _, Result};
 use sfg_geometry::ObjectModel;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -28,7 +29,7 @@ impl Assets {
         };
         let mut models = BTreeMap::new();
         for path in yaml_files(&folder.join("objects"))? {
-            let model = sfg_driver_sim::world::load_object_model(&path)?;
+            let model = sfg_driver_sim::world::load_object_model(&path).map_err(|error| BadInput(error.to_string()))?;
             models.insert(stem(&path), model);
         }
         let mut robots = BTreeMap::new();
@@ -40,7 +41,7 @@ impl Assets {
             }
         }
         if robots.is_empty() {
-            bail!("{} holds no robot description", folder.join("robots").display());
+            return Err(BadInput(format!("{} holds no robot description", folder.join("robots").display())).into());
         }
         Ok(Self { folder, models, robots })
     }
@@ -51,7 +52,10 @@ fn stem(path: &Path) -> String {
 }
 
 fn yaml_files(folder: &Path) -> Result<Vec<PathBuf>> {
-    let entries = std::fs::read_dir(folder).with_context(|| format!("cannot read asset folder {}", folder.display()))?;
+    let entries = std::fs::read_dir(folder).map_err(|error| {
+        let help = "give --assets a folder that holds robots/ and objects/";
+        BadInput(format!("cannot read asset folder {}: {error}; {help}", folder.display()))
+    })?;
     let mut files = Vec::new();
     for entry in entries {
         let path = entry.with_context(|| format!("cannot read asset folder {}", folder.display()))?.path();

@@ -1,13 +1,14 @@
 //! A scenario with everything that it names found and fitting.
 
 use crate::assets::Assets;
-use crate::{plugins, sensed};
-use anyhow::Result;
+use crate::{plugins, scene, sensed};
+use anyhow::{Context as _, Result};
 use sfg_driver_sim::world::{PREDICATES, Predicate};
 use sfg_kinematics::RobotModel;
 use sfg_plugin_host::Contract;
 use sfg_scenario::{Mistake, Scenario, Vocabulary};
 use sfg_skills::SkillContext;
+use sfg_synergy::SynergySpace;
 use sfg_tree::Registry;
 use sfg_types::FailureReason;
 use std::path::Path;
@@ -31,13 +32,17 @@ impl Checked {
         let vocabulary = vocabulary(assets);
         let scenario = Scenario::load(path, &registry, &vocabulary)
             .map_err(|errors| BadInput(format!("{}\n{errors}", summary(errors.count()))))?;
-        let mistakes = predicate_mistakes(&scenario);
+        let robot = &assets.robots[&scenario.robot.value];
+        let model = RobotModel::load(robot).map_err(|error| BadInput(error.to_string()))?;
+        let profile = model.hand_profile.as_ref().context("the robot has no hand profile")?;
+        SynergySpace::new(profile).map_err(|error| BadInput(format!("{}: {error}", robot.display())))?;
+        let mut mistakes = object_mistakes(&scenario, assets);
+        mistakes.extend(plugins::mistakes(&plugins::PluginSetting { assets, profile, scenario: &scenario, seed: 0 }));
+        mistakes.extend(predicate_mistakes(&scenario));
         if !mistakes.is_empty() {
             let errors = scenario.errors(mistakes);
             return Err(BadInput(format!("{}\n{errors}", summary(errors.count()))).into());
         }
-        let robot = &assets.robots[&scenario.robot.value];
-        let model = RobotModel::load(robot).map_err(|error| BadInput(error.to_string()))?;
         Ok(Self { scenario, registry, model })
     }
 
@@ -78,6 +83,13 @@ fn vocabulary(assets: &Assets) -> Vocabulary {
 pub(crate) fn schema_text(assets: &Assets) -> Result<String> {
     let schema = sfg_scenario::schema(node_registry().models(), &vocabulary(assets));
     Ok(serde_json::to_string_pretty(&schema)?)
+}
+
+/// Objects whose files are missing or broken, or that cannot be made in the sizes asked for.
+fn object_mistakes(scenario: &Scenario, assets: &Assets) -> Vec<Mistake> {
+    let made = |object| scene::instance_of(object, scenario, assets, &mut |range| range.at(0.5));
+    let objects = scenario.scene.objects.iter();
+    objects.filter_map(|object| Some(Mistake::new(object.name.place, crate::say::chain(&made(object).err()?)))).collect()
 }
 
 /// Arguments of predicates that do not fit, and objects they name that are not in the scene.

@@ -1,5 +1,6 @@
 //! Exit codes, one a kind of ending.
 
+use crate::check::BadInput;
 use sfg_types::Outcome;
 use std::process::ExitCode;
 
@@ -19,6 +20,23 @@ pub(crate) const ENVIRONMENT: u8 = 5;
 pub(crate) const PHYSICS_TAMPERED: u8 = 6;
 /// Ctrl-C or an emergency stop.
 pub(crate) const INTERRUPTED: u8 = 130;
+
+/// Ctrl-C before there was anything to report.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted; {0}")]
+pub(crate) struct Interrupted(pub(crate) String);
+
+/// The code of a command that ended in an error.
+#[must_use]
+pub(crate) fn code_of_error(error: &anyhow::Error) -> ExitCode {
+    ExitCode::from(if error.is::<BadInput>() {
+        BAD_INPUT
+    } else if error.is::<Interrupted>() {
+        INTERRUPTED
+    } else {
+        ENVIRONMENT
+    })
+}
 
 /// Shown by `sfg --help`.
 pub(crate) const HELP: &str = "Exit codes:\n  \

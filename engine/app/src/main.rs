@@ -1,5 +1,5 @@
 //! `sfg`: grasps things as they are meant to be held, from a sentence.
-#![expect(clippy::print_stdout, clippy::print_stderr, reason = "a command speaks to its user")]
+#![expect(clippy::print_stderr, reason = "a command speaks to its user")]
 
 mod assets;
 mod check;
@@ -7,6 +7,7 @@ mod exit;
 mod pictures;
 mod plugins;
 mod run;
+mod say;
 mod scene;
 mod sensed;
 mod statistics;
@@ -14,9 +15,11 @@ mod sweep;
 
 use crate::assets::Assets;
 use crate::check::Checked;
+use crate::say::say;
 use anyhow::{Context as _, Result};
 use clap::{Parser, Subcommand};
 use sfg_types::{Instruction, RunReport, StageRecord};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
@@ -101,8 +104,8 @@ fn main() -> ExitCode {
     match execute(cli) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {error:#}");
-            ExitCode::from(if error.is::<check::BadInput>() { exit::BAD_INPUT } else { exit::ENVIRONMENT })
+            eprintln!("error: {}", say::chain(&error));
+            exit::code_of_error(&error)
         }
     }
 }
@@ -123,14 +126,14 @@ fn execute(cli: Cli) -> Result<ExitCode> {
         }
         Some(Command::Check { scenario }) => {
             let checked = Checked::load(&Assets::open(assets)?, &scenario)?;
-            println!("{}: no mistakes, {} nodes", scenario.display(), checked.n_nodes()?);
+            say!("{}: no mistakes, {} nodes", scenario.display(), checked.n_nodes()?);
             Ok(ExitCode::SUCCESS)
         }
         Some(Command::Sweep(options)) => sweep::sweep(&Assets::open(assets)?, &options),
         Some(Command::Shard(command)) => sweep::shard(&Assets::open(assets)?, &command),
         Some(Command::Schema) => {
             let assets = Assets::open(assets)?;
-            println!("{}", check::schema_text(&assets)?);
+            writeln!(std::io::stdout(), "{}", check::schema_text(&assets)?).context("cannot write the schema")?;
             Ok(ExitCode::SUCCESS)
         }
     }
@@ -150,7 +153,7 @@ fn run_one(assets: &Assets, scenario: &Path, options: &RunOptions) -> Result<Exi
         Some(folder) => folder.clone(),
         None => default_folder(scenario, options.seed)?,
     };
-    println!("“{}” · {} · seed {}", instruction.as_str(), scenario.display(), options.seed);
+    say!("“{}” · {} · seed {}", instruction.as_str(), scenario.display(), options.seed);
     let report = run::run(&run::RunRequest {
         scenario: &checked.scenario,
         registry: &checked.registry,
@@ -163,7 +166,7 @@ fn run_one(assets: &Assets, scenario: &Path, options: &RunOptions) -> Result<Exi
         on_stage: &print_stage,
     })?;
     print_verdict(&report);
-    println!("report: {}", folder.join("report.html").display());
+    say!("report: {}", folder.join("report.html").display());
     Ok(exit::code(report.outcome))
 }
 
@@ -175,18 +178,18 @@ fn default_folder(scenario: &Path, seed: u64) -> Result<PathBuf> {
 
 fn print_stage(stage: &StageRecord, wall_secs: f64) {
     let mark = stage.failure.map_or_else(|| "ok".to_owned(), |reason| reason.name().to_owned());
-    println!("{:7.2} s  {:22} {mark:5} {}  [{:.0} ms]", stage.stamp_secs, stage.stage, stage.summary, 1000.0 * wall_secs);
+    say!("{:7.2} s  {:22} {mark:5} {}  [{:.0} ms]", stage.stamp_secs, stage.stage, stage.summary, 1000.0 * wall_secs);
 }
 
 fn print_verdict(report: &RunReport) {
     if let Some(failure) = &report.failure {
-        println!("failed: {} at {}: {}", failure.reason, failure.node, failure.explanation);
+        say!("failed: {} at {}: {}", failure.reason, failure.node, failure.explanation);
     }
     for predicate in &report.predicates {
         let word = if predicate.passed { "holds" } else { "FAILS" };
-        println!("  {word}  {} ({}): {}", predicate.predicate, predicate.evaluator, predicate.measured);
+        say!("  {word}  {} ({}): {}", predicate.predicate, predicate.evaluator, predicate.measured);
     }
-    println!(
+    say!(
         "verdict: {:?} after {:.1} s of robot time, {:.1} s of yours",
         report.outcome,
         report.duration_secs,

@@ -3,8 +3,8 @@
 use crate::assets::Assets;
 use anyhow::Result;
 use sfg_plugin::{GraspPolicy, Grounder, LlmBackend, PluginContext, PoseGenerator};
-use sfg_plugin_host::{Contract, Registry};
-use sfg_scenario::{PluginChoice, Scenario};
+use sfg_plugin_host::{Contract, HostError, Registry};
+use sfg_scenario::{Mistake, PluginChoice, Scenario};
 use sfg_skills::Plugins;
 use sfg_types::HandProfile;
 
@@ -32,20 +32,45 @@ pub(crate) struct PluginSetting<'a> {
     pub(crate) seed: u64,
 }
 
+impl PluginSetting<'_> {
+    fn context<'a>(&'a self, params: &'a serde_json::Value) -> PluginContext<'a> {
+        PluginContext {
+            params,
+            scenarios_dir: &self.assets.folder,
+            hand: self.profile,
+            hand_side: self.scenario.arm,
+            seed: self.seed,
+        }
+    }
+}
+
+/// What the named plugins say against their parameters.
+pub(crate) fn mistakes(setting: &PluginSetting<'_>) -> Vec<Mistake> {
+    let registry = registry();
+    let chosen = &setting.scenario.plugins;
+    let mut mistakes = Vec::new();
+    let mut check = |choice: &Option<PluginChoice>, make: &dyn Fn(&str, &PluginContext<'_>) -> Result<(), HostError>| {
+        if let Some(choice) = choice
+            && let Err(error) = make(&choice.name, &setting.context(&choice.params))
+        {
+            mistakes.push(Mistake::new(choice.place, error.to_string()));
+        }
+    };
+    check(&chosen.llm, &|name, context| registry.make_llm(name, context).map(drop));
+    check(&chosen.grounder, &|name, context| registry.make_grounder(name, context).map(drop));
+    check(&chosen.pose_generator, &|name, context| registry.make_pose_generator(name, context).map(drop));
+    check(&chosen.grasp_policy, &|name, context| registry.make_grasp_policy(name, context).map(drop));
+    mistakes
+}
+
 /// The plugins that a scenario names, the defaults where it names none.
 pub(crate) fn make(setting: &PluginSetting<'_>) -> Result<Plugins> {
     let registry = registry();
     let none = serde_json::json!({});
+    let context = |params| setting.context(params);
     let chosen = &setting.scenario.plugins;
     let pick = |choice: &'_ Option<PluginChoice>, default: &str| -> (String, serde_json::Value) {
         choice.as_ref().map_or_else(|| (default.to_owned(), none.clone()), |choice| (choice.name.clone(), choice.params.clone()))
-    };
-    let context = |params| PluginContext {
-        params,
-        scenarios_dir: &setting.assets.folder,
-        hand: setting.profile,
-        hand_side: setting.scenario.arm,
-        seed: setting.seed,
     };
     let (llm, llm_params) = pick(&chosen.llm, "knowledge");
     let (grounder, grounder_params) = pick(&chosen.grounder, "geometric");

@@ -1,6 +1,8 @@
 //! One run: scenario and seed in, report out.
 
 use crate::assets::Assets;
+use crate::check::BadInput;
+use crate::say::chain;
 use crate::scene::draw_scene;
 use crate::sensed;
 use crate::{pictures, plugins};
@@ -13,7 +15,7 @@ use sfg_record::{Picture, Recording, RobotSample, TransitionSample};
 use sfg_scenario::Scenario;
 use sfg_skills::{Kept, Robot, RobotError, SkillContext, StageLog};
 use sfg_synergy::SynergySpace;
-use sfg_tree::{Change, JournalLevel, Registry, Status};
+use sfg_tree::{Change, JournalLevel, Registry, Status, Tree};
 use sfg_types::{FailureReason, FunctionalityAnswer, Instruction, Outcome, PredicateResult, RunFailure, RunReport, StageRecord};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -56,8 +58,9 @@ pub(crate) struct RunRequest<'a> {
 /// Runs a scenario in the simulator and judges it.
 pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
     let begun = Instant::now();
-    let spec = draw_scene(request.scenario, request.assets, request.seed)?;
-    let (driver, judge) = SimDriver::new(&spec, request.model, request.scenario.arm, SimOptions::default())?;
+    let spec = draw_scene(request.scenario, request.assets, request.seed).map_err(|error| BadInput(chain(&error)))?;
+    let (driver, judge) = SimDriver::new(&spec, request.model, request.scenario.arm, SimOptions::default())
+        .map_err(|error| BadInput(error.to_string()))?;
     let profile = request.model.hand_profile.clone().context("the robot has no hand profile")?;
     let synergy = SynergySpace::new(&profile)?;
     let limits = &request.scenario.limits;
@@ -85,7 +88,8 @@ pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
     let mut session = Session { request, judge, recording: None, at_grasp: None, stage_wall: Vec::new(), begun };
     session.open_recording()?;
     let ready_secs = begun.elapsed().as_secs_f64();
-    let ended = session.tick_to_end(&mut skills)?;
+    // Nothing moves on unrecorded.
+    let ended = session.tick_to_end(&mut skills).inspect_err(|_| drop(skills.robot.stop()))?;
     let report = session.report(&mut skills, ended, ready_secs)?;
     Ok(report)
 }
@@ -121,6 +125,10 @@ impl Session<'_> {
             ("instruction".to_owned(), self.request.instruction.as_str().to_owned()),
         ]);
         self.recording = Some(Recording::create(&folder.join("run.mcap"), &metadata)?);
+        // A report of an earlier run would belong to another recording.
+        for name in ["report.json", "report.html"] {
+            drop(std::fs::remove_file(folder.join(name)));
+        }
         Ok(())
     }
 
@@ -135,17 +143,7 @@ impl Session<'_> {
             let now_secs = skills.robot.now_secs();
             let status = tree.tick(now_secs, skills);
             self.record_stages(skills)?;
-            for record in tree.drain_journal() {
-                if let Change::Status { from, to } = record.change {
-                    self.record_transition(&TransitionSample {
-                        stamp_secs: record.now_secs,
-                        tick: record.tick_idx,
-                        node: tree.path(record.node),
-                        from: from.name().to_owned(),
-                        to: to.name().to_owned(),
-                    })?;
-                }
-            }
+            self.record_changes(&mut tree)?;
             if status != Status::Running {
                 let failure = tree.failure().map(|at| RunFailure {
                     reason: at.failure.reason.to_string(),
@@ -199,10 +197,16 @@ impl Session<'_> {
                 self.record_images(now_secs, &observation)?;
             }
         };
+        // A halt changes nodes too.
+        self.record_changes(&mut tree)?;
         // The arm comes to rest under the engine's limits, whatever ended the run.
         let rest_secs = if ended.status == Status::Success { JUDGE_AFTER_SECS } else { REST_SECS };
         let until_secs = skills.robot.now_secs() + rest_secs;
         while skills.robot.now_secs() < until_secs {
+            if skills.robot.now_secs() - recorded_secs >= RECORD_EVERY_SECS - 1e-9 {
+                recorded_secs = skills.robot.now_secs();
+                self.record_robot(skills)?;
+            }
             if let Err(error) = skills.robot.advance() {
                 ended.failure.get_or_insert(RunFailure {
                     reason: FailureReason::DriverFailed.name().to_owned(),
@@ -231,9 +235,19 @@ impl Session<'_> {
         Ok(())
     }
 
-    fn record_transition(&mut self, sample: &TransitionSample) -> Result<()> {
-        if let Some(recording) = &mut self.recording {
-            recording.transition(sample)?;
+    fn record_changes(&mut self, tree: &mut Tree<SkillContext>) -> Result<()> {
+        let changes = tree.drain_journal();
+        let Some(recording) = &mut self.recording else { return Ok(()) };
+        for record in changes {
+            if let Change::Status { from, to } = record.change {
+                recording.transition(&TransitionSample {
+                    stamp_secs: record.now_secs,
+                    tick: record.tick_idx,
+                    node: tree.path(record.node),
+                    from: from.name().to_owned(),
+                    to: to.name().to_owned(),
+                })?;
+            }
         }
         Ok(())
     }

@@ -7,11 +7,12 @@ use rand_chacha::ChaCha8Rng;
 use sfg_driver_sim::world::{ObjectSpec, SceneSpec, TableSpec, WorldSettings};
 use sfg_geometry::{ObjectInstance, ObjectParams, ScannedObject};
 use sfg_scenario::{ObjectShape, Range, Scenario, SceneObject};
+use std::path::Path;
 
 /// The table begins this far ahead of the base, clear of the robot.
 const TABLE_X_M: [f64; 2] = [0.52, 1.22];
 /// Things keep at least this far from each other.
-const GAP_M: f64 = 0.06;
+const GAP_M: f64 = 0.05;
 /// Where distractors may stand.
 const DISTRACTOR_X_M: Range = Range { min: 0.66, max: 1.02 };
 const DISTRACTOR_Y_M: Range = Range { min: -0.35, max: 0.5 };
@@ -29,7 +30,7 @@ pub(crate) fn draw_scene(scenario: &Scenario, assets: &Assets, seed: u64) -> Res
     let mut placed: Vec<Footprint> = Vec::new();
     let mut objects = Vec::new();
     for object in &scene.objects {
-        let instance = instance_of(object, assets, &mut draw)?;
+        let instance = instance_of(object, scenario, assets, &mut draw)?;
         let radius_m = footprint_radius_m(&instance);
         let (x_m, y_m) = free_place(&placed, radius_m, object.placement.x_m, object.placement.y_m, &mut draw)
             .with_context(|| format!("object {:?} finds no free place in its range; widen `at`", object.name.value))?;
@@ -69,7 +70,13 @@ pub(crate) fn draw_scene(scenario: &Scenario, assets: &Assets, seed: u64) -> Res
 
 const UNIT: Range = Range { min: 0.0, max: 1.0 };
 
-fn instance_of(object: &SceneObject, assets: &Assets, draw: &mut impl FnMut(Range) -> f64) -> Result<ObjectInstance> {
+/// One instance of `object`; the files of a scan are found beside the scenario.
+pub(crate) fn instance_of(
+    object: &SceneObject,
+    scenario: &Scenario,
+    assets: &Assets,
+    draw: &mut impl FnMut(Range) -> f64,
+) -> Result<ObjectInstance> {
     match &object.shape {
         ObjectShape::Model(name) => {
             let model = &assets.models[&name.value];
@@ -82,11 +89,12 @@ fn instance_of(object: &SceneObject, assets: &Assets, draw: &mut impl FnMut(Rang
             Ok(model.instantiate(&params)?)
         }
         ObjectShape::Scanned { mesh, hulls, mass_kg } => {
+            let folder = scenario.source.path.parent().unwrap_or(Path::new(""));
             let scan = ScannedObject {
                 category: object.name.value.clone(),
                 words: vec![object.name.value.clone()],
-                mesh: mesh.value.clone(),
-                hulls: hulls.value.clone(),
+                mesh: folder.join(&mesh.value),
+                hulls: folder.join(&hulls.value),
                 mass_kg: *mass_kg,
                 colour: [170, 150, 60],
             };
@@ -101,9 +109,11 @@ struct Footprint {
     radius_m: f64,
 }
 
+/// Farthest that anything of the object lies from its vertical axis.
 fn footprint_radius_m(instance: &ObjectInstance) -> f64 {
-    let (low, high) = instance.bounds();
-    low.x.abs().max(high.x.abs()).hypot(low.y.abs().max(high.y.abs()))
+    let meshes = instance.display_meshes();
+    let vertices = meshes.iter().flat_map(|part| part.mesh.vertices.iter());
+    vertices.map(|vertex| vertex.x.hypot(vertex.y)).fold(0.0, f64::max)
 }
 
 fn free_place(

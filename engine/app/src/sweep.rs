@@ -3,12 +3,14 @@
 //! `sweep` is the three in one on this machine. A crash, a timeout or a refusal counts as a failure: the denominator is what
 //! was planned.
 
+use crate::INTERRUPTED;
 use crate::assets::Assets;
 use crate::check::{BadInput, Checked};
+use crate::exit::{self, Interrupted};
 use crate::run::{RunRequest, run};
+use crate::say::{chain, say};
 use crate::statistics::wilson_interval;
-use crate::{INTERRUPTED, exit};
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -81,6 +83,8 @@ pub(crate) enum ShardCommand {
 }
 
 const JOB_SCHEMA_VERSION: u32 = 1;
+/// A larger sweep is a slip of the finger.
+const MAX_SEEDS: u64 = 1_000_000;
 
 /// What is to be run; its id is the hash of the rest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -123,6 +127,9 @@ impl Job {
         let commit = git_commit();
         let seeds = match (&options.seeds, options.seeds_from_commit) {
             (Some(range), None) => parse_range(range)?,
+            (None, Some(n)) if n as u64 > MAX_SEEDS => {
+                return Err(BadInput(format!("--seeds-from-commit {n}: at most {MAX_SEEDS}")).into());
+            }
             (None, Some(n)) => {
                 let commit = commit.clone().context("--seeds-from-commit needs a git checkout and git; give --seeds A..B")?;
                 seeds_from(&commit, n)
@@ -148,7 +155,12 @@ impl Job {
 
     fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-        serde_json::from_str(&text).map_err(|error| BadInput(format!("{}: {error}", path.display())).into())
+        let job: Self = serde_json::from_str(&text).map_err(|error| BadInput(format!("{}: {error}", path.display())))?;
+        let unnamed = Self { id: String::new(), ..job.clone() };
+        if job.id != sfg_skills::context::hash_of(&unnamed) {
+            return Err(BadInput(format!("{} was changed by hand; plan again", path.display())).into());
+        }
+        Ok(job)
     }
 
     fn n_shards(&self) -> usize {
@@ -162,10 +174,14 @@ impl Job {
 }
 
 fn parse_range(text: &str) -> Result<Vec<u64>> {
-    let parsed = text.split_once("..").and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
+    let number = |text: &str| text.trim().parse::<u64>().ok();
+    let parsed = text.split_once("..").and_then(|(a, b)| Some((number(a)?, number(b)?)));
     match parsed {
-        Some((first, last)) if first <= last => Ok((first..=last).collect()),
-        _ => Err(BadInput(format!("--seeds {text:?} is no range; write for example 1..20, both ends included")).into()),
+        Some((first, last)) if first <= last && last - first < MAX_SEEDS => Ok((first..=last).collect()),
+        _ => Err(BadInput(format!(
+            "--seeds {text:?} is no range; write for example 1..20, both ends included, at most {MAX_SEEDS} seeds"
+        ))
+        .into()),
     }
 }
 
@@ -221,7 +237,7 @@ fn run_unit(checked: &Checked, assets: &Assets, instruction: &Instruction, seed:
             robot_secs: report.duration_secs,
             wall_secs: begun.elapsed().as_secs_f64(),
         },
-        Ok(Err(error)) => failed("set-up", format!("{error:#}")),
+        Ok(Err(error)) => failed("set-up", chain(&error)),
         Err(_) => failed("crash", "panicked".to_owned()),
     }
 }
@@ -252,12 +268,17 @@ fn run_shard(job: &Job, shard: usize, out: &Path, assets: &Assets, progress: &dy
         let text = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
         let part: Part = serde_json::from_str(&text).with_context(|| format!("{} is no part of a sweep", path.display()))?;
         if part.job_id != job.id {
-            bail!("{} belongs to another job; choose another folder or remove it", path.display());
+            let message = format!("{} belongs to another job; choose another folder or remove it", path.display());
+            return Err(BadInput(message).into());
         }
         job.seeds_of(shard).iter().for_each(|_| progress());
         return Ok(part);
     }
     let checked = Checked::load(assets, &job.scenario)?;
+    if sfg_skills::context::hash_bytes(checked.scenario.source.text.as_bytes()) != job.scenario_sha256 {
+        let message = format!("{} is not what the job was planned with; plan again", job.scenario.display());
+        return Err(BadInput(message).into());
+    }
     let instruction = match &checked.scenario.instruction {
         Some(instruction) => instruction.value.clone(),
         None => return Err(BadInput(format!("{} has no instruction", job.scenario.display())).into()),
@@ -266,7 +287,7 @@ fn run_shard(job: &Job, shard: usize, out: &Path, assets: &Assets, progress: &dy
     for &seed in job.seeds_of(shard) {
         units.push(run_unit(&checked, assets, &instruction, seed));
         if INTERRUPTED.load(Ordering::Relaxed) {
-            bail!("interrupted; the parts in {} are kept, the same command goes on", out.display());
+            return Err(Interrupted(format!("the parts in {} are kept, the same command goes on", out.display())).into());
         }
         progress();
     }
@@ -330,9 +351,8 @@ fn merged(job: &Job, parts: Vec<Part>) -> serde_json::Value {
     })
 }
 
-#[expect(clippy::print_stdout, reason = "a command speaks to its user")]
 fn print_merged(result: &serde_json::Value) {
-    println!(
+    say!(
         "{} of {} judged successes ({:.1} %, 95 % interval {:.1}-{:.1} %)",
         result["n_successes"],
         result["n_trials"],
@@ -340,13 +360,13 @@ fn print_merged(result: &serde_json::Value) {
         100.0 * result["wilson_95"][0].as_f64().unwrap_or(0.0),
         100.0 * result["wilson_95"][1].as_f64().unwrap_or(0.0),
     );
-    println!("lifted {}, functional grasps {}", result["n_lifted"], result["n_functional"]);
+    say!("lifted {}, functional grasps {}", result["n_lifted"], result["n_functional"]);
     if let Some(failures) = result["failures"].as_object() {
         for (reason, n) in failures {
-            println!("  {n:>4}  {reason}");
+            say!("  {n:>4}  {reason}");
         }
     }
-    println!(
+    say!(
         "truth and sensed predicates agree in {} of {}; decision {:.2} s, trial {:.1} s (medians)",
         result["truth_and_sensed_agree"][0],
         result["truth_and_sensed_agree"][1],
@@ -393,7 +413,7 @@ pub(crate) fn shard(assets: &Assets, command: &ShardCommand) -> Result<ExitCode>
             let job = Job::plan(options, *per_shard)?;
             let path = options.work.join("job.json");
             write_whole(&path, &serde_json::to_vec_pretty(&job)?)?;
-            print_line(&format!("{}: {} seeds in {} shards", path.display(), job.seeds.len(), job.n_shards()));
+            say!("{}: {} seeds in {} shards", path.display(), job.seeds.len(), job.n_shards());
             Ok(ExitCode::from(exit::SUCCESS))
         }
         ShardCommand::RunShard { job, shard, out } => {
@@ -409,7 +429,7 @@ pub(crate) fn shard(assets: &Assets, command: &ShardCommand) -> Result<ExitCode>
                         .with_context(|| format!("{} is missing; run shard {shard}", path.display()))?;
                     let part: Part = serde_json::from_str(&text).with_context(|| format!("{} is broken", path.display()))?;
                     if part.job_id != job.id {
-                        bail!("{} belongs to another job", path.display());
+                        return Err(BadInput(format!("{} belongs to another job", path.display())).into());
                     }
                     Ok(part)
                 })
@@ -417,11 +437,6 @@ pub(crate) fn shard(assets: &Assets, command: &ShardCommand) -> Result<ExitCode>
             finish(&job, parts, json.as_deref())
         }
     }
-}
-
-#[expect(clippy::print_stdout, reason = "a command speaks to its user")]
-fn print_line(text: &str) {
-    println!("{text}");
 }
 
 #[cfg(test)]
@@ -432,7 +447,7 @@ mod tests {
     #[test]
     fn ranges_hold_both_ends_and_nonsense_is_refused() {
         assert_eq!(parse_range("3..5").unwrap(), [3, 4, 5]);
-        for text in ["5..3", "1", "a..b", ""] {
+        for text in ["5..3", "1", "a..b", "", "0..18446744073709551615"] {
             assert!(parse_range(text).is_err(), "{text}");
         }
     }

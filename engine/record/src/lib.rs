@@ -26,7 +26,7 @@ pub enum RecordError {
         source: std::io::Error,
     },
     /// The recording library refused a record.
-    #[error("cannot record to {path}: {source}", path = .path.display())]
+    #[error("cannot record to {path}: {source}; check free space, or choose another folder with --out", path = .path.display())]
     Mcap {
         /// The file.
         path: PathBuf,

@@ -92,6 +92,8 @@ pub(crate) fn parse(text: &str) -> Result<Node, Mistake> {
     })
 }
 
+const DEPTH_HELP: &str = "give a part of the tree a name under `subtrees` and use it with `subtree: name`";
+
 /// The parser's error in the words of this crate where the parser's are no help.
 fn explain(error: &serde_saphyr::Error) -> (String, Option<String>) {
     use serde_saphyr::Error;
@@ -99,8 +101,7 @@ fn explain(error: &serde_saphyr::Error) -> (String, Option<String>) {
     match error {
         Error::WithSnippet { error, .. } | Error::AliasError { error, .. } => explain(error),
         Error::Budget { breach: BudgetBreach::Depth { .. }, .. } => {
-            let help = "give a part of the tree a name under `subtrees` and use it with `subtree: name`";
-            (format!("nested deeper than {MAX_DEPTH} lists and maps"), Some(help.to_owned()))
+            (format!("nested deeper than {MAX_DEPTH} lists and maps"), Some(DEPTH_HELP.to_owned()))
         }
         Error::Budget { breach: BudgetBreach::Documents { .. }, .. } | Error::MultipleDocuments { .. } => {
             ("a second document begins here".to_owned(), Some("a scenario is one document; remove the line `---`".to_owned()))
@@ -112,6 +113,10 @@ fn explain(error: &serde_saphyr::Error) -> (String, Option<String>) {
         }
         _ => {
             let text = error.without_snippet().to_string();
+            // The scanner's own bound is met before the budget's where brackets nest.
+            if text.starts_with("recursion limit exceeded") {
+                return (format!("nested deeper than {MAX_DEPTH} lists and maps"), Some(DEPTH_HELP.to_owned()));
+            }
             (text.split(" at line ").next().unwrap_or("unreadable").trim_end_matches(',').to_owned(), None)
         }
     }

@@ -159,9 +159,8 @@ fn root_from_palm(tree: &Tree) -> Pose {
 }
 
 fn simulate(tree: &Tree, scene: &Scene) -> bool {
-    let mut world = PhysicsWorld::default();
-    world.integration_parameters = integration_parameters();
-    world.gravity = Glam::ZERO;
+    let mut world =
+        PhysicsWorld { integration_parameters: integration_parameters(), gravity: Glam::ZERO, ..PhysicsWorld::default() };
     let settings = LinkSettings {
         friction: scene.friction,
         collision_groups: InteractionGroups::all(),
@@ -276,7 +275,7 @@ fn random_scene(tree: &Tree, id: usize, rng: &mut ChaCha8Rng) -> Scene {
         "ball" => (0.036, vec![piece("sphere", &[0.036], Pose::identity())]),
         _ => (0.040, mug()),
     };
-    let volume: f64 = pieces.iter().map(volume).sum();
+    let volume: f64 = pieces.iter().map(volume_of).sum();
     for piece in &mut pieces {
         piece.mass_kg = tidy(mass_kg * volume_of(piece) / volume);
     }
@@ -334,10 +333,6 @@ fn mug() -> Vec<Piece> {
 
 fn piece(shape: &str, size: &[f64], at: Pose) -> Piece {
     Piece { shape: shape.into(), size: size.iter().copied().map(tidy).collect(), at: row(&at), mass_kg: 0.0 }
-}
-
-fn volume(piece: &Piece) -> f64 {
-    volume_of(piece)
 }
 
 fn volume_of(piece: &Piece) -> f64 {

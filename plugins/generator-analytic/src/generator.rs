@@ -198,7 +198,12 @@ impl Job<'_> {
         }
         let is_power = rule.opposition == Opposition::Palm;
         let palm_reach_m = is_power.then_some(self.settings.clearance_m + PALM_REACH_M + self.standoffs().0);
-        let closed = around.close(self.hand, &self.path, palm_reach_m);
+        let mut closed = around.close(self.hand, &self.path, palm_reach_m);
+        if is_power {
+            // A fit's rim is sharper than the thing: what hooks over it does not count.
+            let shape = &self.object.part.shape;
+            closed.contacts.retain(|c| shape.is_side(&c.contact.inward_normal));
+        }
         if closed.contacts.len() < 2 {
             return None;
         }

@@ -148,9 +148,18 @@ fn opposition(contacts: &[LinkContact], wanted: &Wanted<'_>) -> f64 {
         best
     };
     match wanted.grasp_type.opposition() {
+        // A wrap needs its thumb too: without it the fingers push the thing along the palm.
+        Opposition::Palm if thumb_is_opposed(wanted.grasp_type) => {
+            0.4 * between(&is_palm, &is_finger) + 0.6 * between(&is_thumb, &is_finger)
+        }
         Opposition::Palm => between(&is_palm, &is_finger).max(between(&is_thumb, &is_finger)),
         Opposition::Pad | Opposition::Side => between(&is_thumb, &is_finger),
     }
+}
+
+/// Wraps whose thumb closes against the fingers (abducted in the taxonomy).
+fn thumb_is_opposed(grasp_type: GraspType) -> bool {
+    matches!(grasp_type, GraspType::LargeDiameter | GraspType::MediumWrap | GraspType::SmallDiameter | GraspType::PowerSphere)
 }
 
 /// 1 inside the radii that a type suits, falling to 0 over a further centimetre.

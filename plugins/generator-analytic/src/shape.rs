@@ -3,6 +3,8 @@
 use nalgebra::{Matrix3, SymmetricEigen, Unit, UnitQuaternion, Vector2};
 use sfg_types::{Point, Pose, Vector};
 
+/// Normals that lean this much along the axis belong to an end of a solid of revolution: sine of 37 degrees.
+const MAX_SIDE_SLOPE: f64 = 0.6;
 /// Length of one step of a revolution's profile, metres.
 const PROFILE_STEP_M: f64 = 0.0075;
 /// A fit this good is taken without trying a smaller neighbourhood, metres rms: half a voxel.
@@ -79,6 +81,15 @@ impl Shape {
                 let excess = local.coords.abs() - half_m;
                 excess.map(|e| e.max(0.0)).norm() + excess.max().min(0.0)
             }
+        }
+    }
+
+    /// Whether a surface normal belongs to the side of the shape and not to an end. Every face of a box is a side.
+    #[must_use]
+    pub fn is_side(&self, normal: &Vector) -> bool {
+        match self {
+            Self::Revolution { axis, .. } => normal.dot(axis).abs() < MAX_SIDE_SLOPE,
+            Self::Cuboid { .. } => true,
         }
     }
 

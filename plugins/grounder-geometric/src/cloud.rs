@@ -49,8 +49,28 @@ pub(crate) fn cloud(observation: &Observation) -> Vec<CloudPoint> {
     points
 }
 
-/// True when `position` lies in one of the robot's balls.
-pub(crate) fn on_robot(position: &Point3<f32>, robot: &[SelfSphere]) -> bool {
-    let position = position.cast::<f64>();
-    robot.iter().any(|ball| (position - ball.centre_in_base).norm_squared() < ball.radius_m * ball.radius_m)
+/// The robot's own body, ready for many tests.
+#[derive(Clone, Debug)]
+pub(crate) struct RobotBody {
+    balls: Vec<(Point3<f32>, f32)>,
+    low: Point3<f32>,
+    high: Point3<f32>,
+}
+
+impl RobotBody {
+    pub(crate) fn new(robot: &[SelfSphere]) -> Self {
+        let balls: Vec<(Point3<f32>, f32)> =
+            robot.iter().map(|ball| (ball.centre_in_base.cast::<f32>(), ball.radius_m as f32)).collect();
+        let margin = |radius: f32| Vector3::repeat(radius);
+        let low = balls.iter().fold(Point3::from(Vector3::repeat(f32::MAX)), |low, (c, r)| low.inf(&(c - margin(*r))));
+        let high = balls.iter().fold(Point3::from(Vector3::repeat(f32::MIN)), |high, (c, r)| high.sup(&(c + margin(*r))));
+        Self { balls, low, high }
+    }
+
+    /// True when `position` lies in one of the balls.
+    pub(crate) fn contains(&self, position: &Point3<f32>) -> bool {
+        // Most points lie outside the box around the arm, which spares them a hundred distances.
+        (0..3).all(|axis| position[axis] >= self.low[axis] && position[axis] <= self.high[axis])
+            && self.balls.iter().any(|(centre, radius)| (position - centre).norm_squared() < radius * radius)
+    }
 }

@@ -4,9 +4,8 @@
 //! columns, while its hidden middle would tear a voxel component apart. The price: things that touch, or that lean over each
 //! other, become one cluster.
 
-use crate::cloud::{CloudPoint, on_robot};
+use crate::cloud::{CloudPoint, RobotBody};
 use crate::table::Table;
-use sfg_plugin::SelfSphere;
 
 /// Lower points are table noise.
 pub(crate) const MIN_HEIGHT_M: f32 = 0.008;
@@ -21,8 +20,9 @@ const MIN_CELLS: usize = 6;
 /// A column about table height belongs to the thing beside it when so many points have at least this mean height.
 const MIN_POINTS_PER_LOW_CELL: u32 = 8;
 const LOW_MEAN_M: f32 = 0.0022;
+const MIN_LOW_NEIGHBOURS: usize = 4;
 /// Lower points of such a column are table.
-const LOW_POINT_M: f32 = 0.001;
+pub(crate) const LOW_POINT_M: f32 = 0.001;
 /// Thin parts are followed this far from the thing that rises beside them.
 const BORDER_M: f32 = 0.16;
 /// A piece whose lowest point is higher floats.
@@ -31,13 +31,13 @@ const FRAGMENT_HEIGHT_M: f32 = 0.014;
 const FRAGMENT_GAP_M: f32 = 0.045;
 
 /// The points of each thing, in no particular order of things; table, robot and specks are gone.
-pub(crate) fn clusters(points: &[CloudPoint], table: &Table, robot: &[SelfSphere]) -> Vec<Vec<CloudPoint>> {
+pub(crate) fn clusters(points: &[CloudPoint], table: &Table, robot: &RobotBody) -> Vec<Vec<CloudPoint>> {
     let above: Vec<CloudPoint> = points
         .iter()
         .filter(|point| {
             let p = &point.position;
             let height = p.z - table.height_at(p.x, p.y);
-            height > MIN_HEIGHT_M && height < MAX_HEIGHT_M && table.carries(p.x, p.y) && !on_robot(p, robot)
+            height > MIN_HEIGHT_M && height < MAX_HEIGHT_M && table.carries(p.x, p.y) && !robot.contains(p)
         })
         .copied()
         .collect();
@@ -50,13 +50,6 @@ pub(crate) fn clusters(points: &[CloudPoint], table: &Table, robot: &[SelfSphere
     }
     let (mut labels, cell_counts) = grid.components(&counts);
     let mut things: Vec<Vec<CloudPoint>> = vec![Vec::new(); cell_counts.len()];
-    let low = low_points(points, table, robot, &grid);
-    grow_into_low_cells(&low, &grid, &mut labels);
-    for (point, height, cell) in low {
-        if labels[cell] > 0 && height > LOW_POINT_M {
-            things[labels[cell] - 1].push(point);
-        }
-    }
     for point in above {
         let Some(cell) = grid.cell(&point) else { continue };
         // A sparse column beside a full one is the thing's edge.
@@ -65,22 +58,29 @@ pub(crate) fn clusters(points: &[CloudPoint], table: &Table, robot: &[SelfSphere
             things[label - 1].push(point);
         }
     }
-    join_fragments(&mut things, table);
-    things
-        .into_iter()
-        .zip(cell_counts)
-        .filter(|(points, n_cells)| points.len() >= MIN_POINTS && *n_cells >= MIN_CELLS)
-        .map(|(points, _)| points)
-        .collect()
+    let hosts = join_fragments(&mut things, table);
+    // Specks are told by their points above the noise, before thin parts are added.
+    let keep: Vec<bool> =
+        things.iter().zip(cell_counts).map(|(points, n)| points.len() >= MIN_POINTS && n >= MIN_CELLS).collect();
+    let low = low_points(points, table, &grid);
+    let core = labels.clone();
+    grow_into_low_cells(&low, &grid, &mut labels);
+    for (point, height, cell) in low {
+        // Columns of the thing itself already have their points; what is low there may be table.
+        if core[cell] == 0 && labels[cell] > 0 && height > LOW_POINT_M && !robot.contains(&point.position) {
+            things[hosts[labels[cell] - 1]].push(point);
+        }
+    }
+    things.into_iter().zip(keep).filter(|(_, keep)| *keep).map(|(points, _)| points).collect()
 }
 
 /// Points about the height of the table, with their height and cell.
-fn low_points(points: &[CloudPoint], table: &Table, robot: &[SelfSphere], grid: &Grid) -> Vec<(CloudPoint, f32, usize)> {
+fn low_points(points: &[CloudPoint], table: &Table, grid: &Grid) -> Vec<(CloudPoint, f32, usize)> {
     let lows = points.iter().filter_map(|point| {
         let cell = grid.cell(point)?;
         let p = &point.position;
         let height = p.z - table.height_at(p.x, p.y);
-        (height.abs() <= MIN_HEIGHT_M && !on_robot(p, robot)).then_some((*point, height, cell))
+        (height.abs() <= MIN_HEIGHT_M).then_some((*point, height, cell))
     });
     lows.collect()
 }
@@ -94,11 +94,16 @@ fn grow_into_low_cells(low: &[(CloudPoint, f32, usize)], grid: &Grid, labels: &m
         sums[*cell].0 += height;
         sums[*cell].1 += 1;
     }
-    let raised = |cell: usize| sums[cell].1 >= MIN_POINTS_PER_LOW_CELL && sums[cell].0 > LOW_MEAN_M * sums[cell].1 as f32;
+    let is_raised = |cell: usize| {
+        labels[cell] == 0 && sums[cell].1 >= MIN_POINTS_PER_LOW_CELL && sums[cell].0 > LOW_MEAN_M * sums[cell].1 as f32
+    };
+    let raised: Vec<bool> = (0..grid.len()).map(is_raised).collect();
+    // Along every wall runs a strip one column wide that mixes wall and table. A blade is wider.
+    let in_blade = |cell: usize| raised[cell] && grid.neighbours(cell).filter(|&c| raised[c]).count() >= MIN_LOW_NEIGHBOURS;
     let mut stack: Vec<usize> = (0..labels.len()).filter(|&cell| labels[cell] > 0).collect();
     while let Some(cell) = stack.pop() {
         for next in grid.neighbours(cell) {
-            if labels[next] == 0 && grid.is_inner(next) && raised(next) {
+            if labels[next] == 0 && grid.is_inner(next) && in_blade(next) {
                 labels[next] = labels[cell];
                 stack.push(next);
             }
@@ -109,13 +114,19 @@ fn grow_into_low_cells(low: &[(CloudPoint, f32, usize)], grid: &Grid, labels: &m
 /// Gives each small piece that floats above the table to the large thing beside it.
 ///
 /// The grip of a handle that points away from the cameras is seen over the rim, apart from its mug; nothing that small hangs
-/// in the air by itself.
-fn join_fragments(things: &mut [Vec<CloudPoint>], table: &Table) {
+/// in the air by itself. The same goes for a speck inside the outline of a thing: the floor of a bowl. Returns for each piece the thing it is now part of.
+fn join_fragments(things: &mut [Vec<CloudPoint>], table: &Table) -> Vec<usize> {
+    let mut hosts: Vec<usize> = (0..things.len()).collect();
     for fragment in 0..things.len() {
         let floats = |p: &CloudPoint| p.position.z - table.height_at(p.position.x, p.position.y) > FRAGMENT_HEIGHT_M;
-        if things[fragment].is_empty() || !things[fragment].iter().all(floats) {
+        if things[fragment].is_empty() {
             continue;
         }
+        let inside = |thing: &Vec<CloudPoint>| {
+            let ([low, high], [inner_low, inner_high]) = (bounds(thing), bounds(&things[fragment]));
+            (0..2).all(|axis| low[axis] <= inner_low[axis] && inner_high[axis] <= high[axis])
+        };
+        let floating = things[fragment].iter().all(floats);
         let gap_to = |thing: &Vec<CloudPoint>| {
             let mut gap = f32::MAX;
             for a in thing.iter().step_by(1 + thing.len() / 400) {
@@ -128,13 +139,24 @@ fn join_fragments(things: &mut [Vec<CloudPoint>], table: &Table) {
         let host = (0..things.len())
             .filter(|&i| i != fragment && things[i].len() > 5 * things[fragment].len())
             .map(|i| (i, gap_to(&things[i])))
-            .filter(|(_, gap)| *gap < FRAGMENT_GAP_M)
+            .filter(|&(i, gap)| (floating && gap < FRAGMENT_GAP_M) || inside(&things[i]))
             .min_by(|a, b| a.1.total_cmp(&b.1));
         if let Some((host, _)) = host {
             let points = std::mem::take(&mut things[fragment]);
             things[host].extend(points);
+            hosts[fragment] = host;
         }
     }
+    hosts
+}
+
+/// Smallest and largest x and y.
+fn bounds(points: &[CloudPoint]) -> [[f32; 2]; 2] {
+    let start = [[f32::MAX; 2], [f32::MIN; 2]];
+    points.iter().fold(start, |[low, high], p| {
+        let (x, y) = (p.position.x, p.position.y);
+        [[low[0].min(x), low[1].min(y)], [high[0].max(x), high[1].max(y)]]
+    })
 }
 
 /// Columns over the points and [`BORDER_M`] around; the outermost columns stay empty, so that every used one has eight neighbours.

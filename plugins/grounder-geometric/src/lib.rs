@@ -97,7 +97,7 @@ impl Grounder for GeometricGrounder {
         }
         let table =
             table::find_table(&points).ok_or_else(|| failed("no horizontal surface between 0.25 m and 1.30 m was seen"))?;
-        let mut clusters: Vec<ObjectCluster> = clustering::clusters(&points, &table, robot)
+        let mut clusters: Vec<ObjectCluster> = clustering::clusters(&points, &table, &cloud::RobotBody::new(robot))
             .iter()
             .filter_map(|points| {
                 let n = points.len() as f32;
@@ -134,7 +134,9 @@ impl Grounder for GeometricGrounder {
         let members = Members::of(&cluster.points_in_base);
         for (view, mask) in views.iter().zip(out) {
             *mask = AffordanceMask::empty(&view.camera, view.intrinsics.width, view.intrinsics.height);
-            mask.pixels = part_pixels(view, &members, |point| part.contains(&shape, point));
+            mask.pixels = part_pixels(view, &members, |point| {
+                point.z > bottom_z_m + clustering::LOW_POINT_M && part.contains(&shape, point)
+            });
             if mask.n_selected() as f64 > MAX_MASK_SHARE * mask.pixels.len() as f64 {
                 mask.pixels.fill(0);
             }

@@ -83,6 +83,10 @@ pub(crate) fn fit_revolution(points: &[Point3<f32>], bottom_z_m: f32) -> Option<
         let (second, third) = (mates[rng.random_range(0..mates.len())], mates[rng.random_range(0..mates.len())]);
         let Some(centre) = circle_centre(&voters[first], &voters[second], &voters[third]) else { continue };
         votes.count(&voters, centre, bottom_z_m);
+        // Coverage only lowers the score, and costs an arctangent a point.
+        if best.is_some_and(|(top, _)| votes.support(&voters, centre, bottom_z_m) <= top) {
+            continue;
+        }
         let (support, coverage) = votes.verdict(&voters, centre, bottom_z_m);
         // Half a turn of evidence is as good as a whole one; less may be a straight edge seen as a flat arc.
         let score = support * (2.0 * coverage).min(1.0);
@@ -143,6 +147,15 @@ impl Votes {
             let bin = (1..N_RADIUS_BINS - 1).max_by_key(|&i| (triple(i), i)).unwrap_or(1);
             *mode = (bin as f32 + 0.5) * RADIUS_BIN_M;
         }
+    }
+
+    /// Share of agreeing points.
+    fn support(&self, voters: &[Point3<f32>], centre: [f32; 2], bottom_z_m: f32) -> f32 {
+        let agrees = |point: &&Point3<f32>| {
+            let distance = (point.x - centre[0]).hypot(point.y - centre[1]);
+            (distance - self.modes[slice_of(point, bottom_z_m)]).abs() < BAND_M
+        };
+        voters.iter().filter(agrees).count() as f32 / voters.len() as f32
     }
 
     /// Share of agreeing points and share of directions in which they lie.

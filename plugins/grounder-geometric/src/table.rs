@@ -24,6 +24,8 @@ pub(crate) struct Table {
     offset_m: f32,
     /// Convex outline, counter-clockwise, metres.
     outline: Vec<[f32; 2]>,
+    /// The same as half planes: inward unit normal and offset.
+    edges: Vec<[f32; 3]>,
 }
 
 impl Table {
@@ -41,13 +43,20 @@ impl Table {
 
     /// True when (x, y) lies over the table, with 2 cm to spare for the rounding of the outline.
     pub(crate) fn carries(&self, x: f32, y: f32) -> bool {
-        let n = self.outline.len();
-        (0..n).all(|i| {
-            let (a, b) = (self.outline[i], self.outline[(i + 1) % n]);
-            let (ex, ey) = (b[0] - a[0], b[1] - a[1]);
-            ex * (y - a[1]) - ey * (x - a[0]) >= -EXTENT_CELL_M * ex.hypot(ey)
-        })
+        self.edges.iter().all(|[normal_x, normal_y, offset]| normal_x * x + normal_y * y >= offset - EXTENT_CELL_M)
     }
+}
+
+/// The sides of a counter-clockwise outline as inward unit normals and offsets.
+fn edges(outline: &[[f32; 2]]) -> Vec<[f32; 3]> {
+    let n = outline.len();
+    let edge = |i: usize| {
+        let (a, b) = (outline[i], outline[(i + 1) % n]);
+        let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+        let (x, y) = ((a[1] - b[1]) / length, (b[0] - a[0]) / length);
+        [x, y, x * a[0] + y * a[1]]
+    };
+    (0..n).map(edge).collect()
 }
 
 /// The table under `points`, `None` when nothing horizontal is large enough.
@@ -76,8 +85,15 @@ pub(crate) fn find_table(points: &[CloudPoint]) -> Option<Table> {
     if plane.x.hypot(plane.y) > MAX_SLOPE {
         return None;
     }
-    let mut table = Table { slope_x: plane.x as f32, slope_y: plane.y as f32, offset_m: plane.z as f32, outline: Vec::new() };
+    let mut table = Table {
+        slope_x: plane.x as f32,
+        slope_y: plane.y as f32,
+        offset_m: plane.z as f32,
+        outline: Vec::new(),
+        edges: Vec::new(),
+    };
     table.outline = outline(points, &table);
+    table.edges = edges(&table.outline);
     (table.outline.len() >= 3).then_some(table)
 }
 

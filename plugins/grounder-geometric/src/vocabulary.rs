@@ -72,13 +72,17 @@ impl Category {
     fn score(&self, shape: &Shape) -> f64 {
         let sides = shape.rectangle.sides_m.map(f64::from);
         let mut score = self.shape_score(shape);
-        score *= fit(f64::from(shape.height_m()), self.height_m, 0.008);
-        score *= fit(sides[1], self.width_m, 0.008);
+        // Sizes of a category have no sharp end: the tolerance grows with the size.
+        let size_fit = |value: f64, range: [f64; 2], tolerance: f64| fit(value, range, tolerance + 0.08 * range[1]);
+        score *= size_fit(f64::from(shape.height_m()), self.height_m, 0.008);
+        score *= size_fit(sides[1], self.width_m, 0.008);
+        if let Some(length_m) = self.length_m {
+            score *= size_fit(sides[0], length_m, 0.015);
+        }
         let optional = [
-            (self.length_m, Some(sides[0]), 0.015),
-            (self.top_ratio, Some(f64::from(shape.top_ratio())), 0.10),
-            (self.wide_ratio, shape.lengthwise.map(|l| f64::from(l.wide_m / l.thin_m.max(1e-3))), 0.4),
-            (self.wide_share, shape.lengthwise.map(|l| f64::from(l.wide_share)), 0.08),
+            (self.top_ratio, Some(f64::from(shape.top_ratio())), 0.06),
+            (self.wide_ratio, shape.lengthwise.map(|l| f64::from(l.wide_m / l.thin_m.max(1e-3))), 0.7),
+            (self.wide_share, shape.lengthwise.map(|l| f64::from(l.wide_share)), 0.10),
         ];
         for (range, value, tolerance) in optional {
             if let (Some(range), Some(value)) = (range, value) {
@@ -91,7 +95,7 @@ impl Category {
         if let Some(handle_m) = self.handle_m {
             let reach = f64::from(shape.handle_reach_m);
             score *= if (handle_m[1] > 0.0) == (reach > 0.0) || handle_m[0] == 0.0 && reach == 0.0 {
-                fit(reach, handle_m, 0.015)
+                size_fit(reach, handle_m, 0.015)
             } else {
                 WRONG_FEATURE
             };
@@ -116,10 +120,9 @@ impl Category {
     }
 }
 
-/// 1 inside `range`, a Gaussian of the miss outside; the tolerance grows with the size.
-fn fit(value: f64, range: [f64; 2], tolerance: f64) -> f64 {
+/// 1 inside `range`, a Gaussian of the miss outside.
+fn fit(value: f64, range: [f64; 2], sigma: f64) -> f64 {
     let miss = (range[0] - value).max(value - range[1]).max(0.0);
-    let sigma = tolerance + 0.08 * range[1];
     (-0.5 * (miss / sigma).powi(2)).exp()
 }
 

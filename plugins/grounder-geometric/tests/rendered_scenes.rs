@@ -93,7 +93,8 @@ struct Tally {
 fn sweep(groups: &[&[&'static str]], n_scenes: u64) -> (BTreeMap<&'static str, Tally>, f64, usize) {
     let mut tallies: BTreeMap<&'static str, Tally> = BTreeMap::new();
     let (mut worst_table, mut wrong_counts) = (0.0_f64, 0);
-    for seed in 0..n_scenes {
+    let first = first_seed();
+    for seed in first..first + n_scenes {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut placed: Vec<Placed> = Vec::new();
         for group in groups {
@@ -144,6 +145,11 @@ fn sweep(groups: &[&[&'static str]], n_scenes: u64) -> (BTreeMap<&'static str, T
 fn percentile(values: &mut [f64], share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(((values.len() as f64 - 1.0) * share) as usize).copied().unwrap_or(0.0)
+}
+
+/// Seeds 0..100 were in view while the vocabulary was written; begin elsewhere for figures that were not.
+fn first_seed() -> u64 {
+    std::env::var("SFG_GROUNDER_FIRST_SEED").ok().and_then(|n| n.parse().ok()).unwrap_or(0)
 }
 
 fn n_scenes() -> u64 {

@@ -30,7 +30,7 @@ pub struct SelectionSettings {
 
 impl Default for SelectionSettings {
     fn default() -> Self {
-        Self { standoff_m: 0.12, lift_m: 0.15, max_key_point_distance_m: 0.12, n_configurations: 4 }
+        Self { standoff_m: 0.12, lift_m: 0.15, max_key_point_distance_m: 0.12, n_configurations: 6 }
     }
 }
 

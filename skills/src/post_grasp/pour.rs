@@ -43,8 +43,10 @@ pub struct PourPlan {
 /// Turns of the vessel about its own axis and directions of flow relative to the palm that are tried, in degrees.
 ///
 /// Tilting about the palm's normal comes first: it is a turn of the last joint, as a person turns the forearm.
-const TURNS_DEG: [f64; 7] = [0.0, -30.0, 30.0, -60.0, 60.0, -90.0, 90.0];
+const TURNS_DEG: [f64; 9] = [0.0, -30.0, 30.0, -60.0, 60.0, -90.0, 90.0, -130.0, 130.0];
 const FLOWS_DEG: [f64; 4] = [90.0, -90.0, 60.0, -60.0];
+/// Rim clearances that are tried: a low pour spills less, a high one leaves room for the hand.
+const CLEARANCES_M: [f64; 3] = [0.035, 0.06, 0.09];
 /// Share of the speed limits with a full vessel.
 const CARRY_SPEED: f64 = 0.25;
 /// Spacing of poses along the carry.
@@ -70,20 +72,21 @@ pub fn plan_pour(
             furthest = Some((n_passed, reason));
         }
     };
-    for flow_deg in FLOWS_DEG {
-        for turn_deg in TURNS_DEG {
+    let unreachable = |key_pose: &str, miss: &Miss| RejectionReason::NoInverseKinematics {
+        key_pose: key_pose.to_owned(),
+        miss_m: miss.position_m,
+    };
+    for rim_clearance_m in CLEARANCES_M {
+        let settings = PourSettings { rim_clearance_m, ..task.settings };
+        for (flow_deg, turn_deg) in FLOWS_DEG.into_iter().flat_map(|flow| TURNS_DEG.map(|turn| (flow, turn))) {
             let turn = Pose::from_parts(
                 nalgebra::Translation3::identity(),
                 nalgebra::UnitQuaternion::from_axis_angle(&nalgebra::Vector3::z_axis(), turn_deg.to_radians()),
             );
             let heading_rad = approach_azimuth_rad + (flow_deg + turn_deg).to_radians();
             let shape = VesselShape { base_from_vessel: task.shape.base_from_vessel * turn, ..task.shape };
-            let tilt_poses = pour_palm_path(&shape, palm_from_vessel, &task.target, heading_rad, &task.settings);
+            let tilt_poses = pour_palm_path(&shape, palm_from_vessel, &task.target, heading_rad, &settings);
             let carry_poses = carry_palm_path(&scene.palm_pose(lift_q), &tilt_poses[0]);
-            let unreachable = |key_pose: &str, miss: &Miss| RejectionReason::NoInverseKinematics {
-                key_pose: key_pose.to_owned(),
-                miss_m: miss.position_m,
-            };
             let carry = match scene.straight(lift_q, &carry_poses) {
                 Ok(carry) => carry,
                 Err(miss) => {

@@ -23,7 +23,7 @@ const ALLOWED_USES: &[(&str, &str)] = &[
     ("plugin-host", "types plugin plugin-abi"),
     ("scenario", "types tree"),
     ("record", "types tree render"),
-    ("skills", "types geometry kinematics planning tree plugin"),
+    ("skills", "types geometry kinematics planning tree plugin synergy"),
     ("llm-knowledge", "types plugin"),
     ("grounder-geometric", "types plugin geometry"),
     ("generator-analytic", "types plugin geometry kinematics synergy"),
