@@ -1,7 +1,7 @@
 //! From the ranges of a scenario to one concrete scene.
 
 use crate::assets::Assets;
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use sfg_driver_sim::world::{ObjectSpec, SceneSpec, TableSpec, WorldSettings};
@@ -43,11 +43,12 @@ pub(crate) fn draw_scene(scenario: &Scenario, assets: &Assets, seed: u64) -> Res
     }
     if let Some(distractors) = &scene.distractors {
         for n in 0..distractors.n {
-            if distractors.from.is_empty() {
-                bail!("`distractors` needs `from`, a list of object models");
-            }
-            let pick = (draw(Range { min: 0.0, max: distractors.from.len() as f64 }) as usize).min(distractors.from.len() - 1);
-            let name = &distractors.from[pick].value;
+            let known: Vec<&String> = match distractors.from.as_slice() {
+                [] => assets.models.keys().collect(),
+                from => from.iter().map(|name| &name.value).collect(),
+            };
+            let pick = (draw(Range { min: 0.0, max: known.len() as f64 }) as usize).min(known.len() - 1);
+            let name = known[pick];
             let model = &assets.models[name];
             let params = model.params_at([draw(UNIT), draw(UNIT), draw(UNIT)]);
             let mut instance = model.instantiate(&params)?;

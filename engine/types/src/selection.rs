@@ -25,7 +25,7 @@ pub enum RejectionReason {
     Collision {
         /// Which pose or path.
         key_pose: String,
-        /// What is touched.
+        /// What touches what, and how deep.
         with: String,
     },
     /// Poses are reachable, no path was found between them.
@@ -49,7 +49,7 @@ impl fmt::Display for RejectionReason {
             Self::NoInverseKinematics { key_pose, miss_m } => {
                 write!(f, "no arm configuration reaches the {key_pose} pose, best misses by {miss_m:.3} m")
             }
-            Self::Collision { key_pose, with } => write!(f, "the arm touches {with} at the {key_pose} pose"),
+            Self::Collision { key_pose, with } => write!(f, "{with} at the {key_pose} pose"),
             Self::NoPath { segment } => write!(f, "no path found for the {segment}"),
             Self::FarFromKeyPoint { distance_m } => write!(f, "{distance_m:.3} m from the part to hold"),
             Self::RankedLower => f.write_str("a better candidate was chosen"),

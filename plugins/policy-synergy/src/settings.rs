@@ -8,7 +8,8 @@ pub const PLUGIN_NAME: &str = "synergy";
 /// What can be set from a scenario: `grasp_policy: {synergy: {grip_current_fraction: 0.7}}`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SynergyPolicySettings {
-    /// Grip at which closing stops, as a fraction of the way from the free hand's current to the stall current.
+    /// Grip at which closing stops, as a fraction of the way from the free hand's current to the stall current. More squeezes a
+    /// smooth round thing out of the hand: of 12 development pours 11 hold at 0.45, 9 at 0.6, 6 at 0.75 and 2 at 0.9.
     pub grip_current_fraction: f64,
     /// Time from the preshape to `c_tar`, seconds: slow enough for a light object to be enclosed before it is pushed away.
     pub closing_secs: f64,
@@ -25,7 +26,7 @@ pub struct SynergyPolicySettings {
 impl Default for SynergyPolicySettings {
     fn default() -> Self {
         Self {
-            grip_current_fraction: 0.6,
+            grip_current_fraction: 0.45,
             closing_secs: 1.0,
             pressing_speed_per_sec: 0.6,
             debounce_secs: 0.04,

@@ -75,7 +75,7 @@ fn object_mask(view: &RgbdImage, voxels: &BTreeSet<Voxel>) -> Vec<u8> {
         .enumerate()
         .map(|(pixel, &depth_m)| {
             let depth_m = f64::from(depth_m);
-            if !(depth_m > 0.0) {
+            if depth_m.is_nan() || depth_m <= 0.0 {
                 return 0;
             }
             u8::from(voxels.contains(&voxel_of(&cloud::pixel_in_base(view, pixel % width, pixel / width, depth_m))))

@@ -34,7 +34,7 @@ pub fn surface_inside(observation: &Observation, target: &PourTarget, table_heig
         for row in rows.0.max(0.0) as usize..(rows.1.max(0.0) as usize).min(height) {
             for column in columns.0.max(0.0) as usize..(columns.1.max(0.0) as usize).min(width) {
                 let depth_m = f64::from(view.depth_m[row * width + column]);
-                if !(depth_m > 0.0) {
+                if depth_m.is_nan() || depth_m <= 0.0 {
                     continue;
                 }
                 let point: Point = view.base_from_camera * view.intrinsics.deproject(column as f64, row as f64, depth_m);

@@ -119,7 +119,10 @@ fn evaluate(judge: &Judge, bodies: &Bodies, predicate: &Predicate, out: &mut Vec
             let tracker = &judge.trackers[object_idx(bodies, object)?];
             let slip = tracker.latest.as_ref().filter(|_| tracker.is_held()).map(super::Hold::slip);
             let detail = match (tracker.phase, &tracker.latest) {
-                (HoldPhase::Held, _) => format!("{object} is in the hand"),
+                (HoldPhase::Held, _) => {
+                    let (metres, radians) = slip.unwrap_or_default();
+                    format!("{object} moved {:.0} mm and {:.1} deg in the hand", 1000.0 * metres, radians.to_degrees())
+                }
                 (_, Some(hold)) => format!("{object} left the hand at {:.2} s", hold.until_secs),
                 (_, None) => format!("{object} was never lifted by the hand"),
             };
