@@ -113,11 +113,32 @@ pub fn points_near(
     points
 }
 
-/// The pose of `outline` that explains `points`, near `guess`; `None` when they do not show the vessel well enough.
+/// Leans about the palm's normal from which a fit starts: closing turns an upright thing towards the palm's own axis.
+const START_LEANS_RAD: [f64; 5] = [0.0, 0.2, -0.2, 0.4, -0.4];
+
+/// The pose of `outline` that explains most of `points`, near `guess`; `None` when they do not show the vessel well enough.
 ///
-/// Gauss-Newton over position and the two tilts; the turn about the vessel's own axis stays that of the guess.
+/// `base_from_palm` is where the vessel is held: fits start from several leans about its normal.
 #[must_use]
-pub fn fit_held_pose(outline: &Outline, points: &[Point], guess: &Pose) -> Option<HeldPose> {
+pub fn fit_held_pose(outline: &Outline, points: &[Point], guess: &Pose, base_from_palm: &Pose) -> Option<HeldPose> {
+    let palm_from_guess = base_from_palm.inverse() * guess;
+    START_LEANS_RAD
+        .iter()
+        .filter_map(|lean_rad| {
+            let lean = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), *lean_rad);
+            let start = base_from_palm * Pose::from_parts(nalgebra::Translation3::identity(), lean) * palm_from_guess;
+            fit_from(outline, points, &start)
+        })
+        .filter(|fit| {
+            let moved = guess.inverse() * fit.base_from_vessel;
+            let shift = moved * Point::new(0.0, 0.0, outline.height_m / 2.0) - Point::new(0.0, 0.0, outline.height_m / 2.0);
+            fit.rms_m < MAX_RMS_M && shift.norm() < MAX_SHIFT_M && moved.rotation.angle() < MAX_TURN_RAD
+        })
+        .max_by_key(|fit| fit.n_points)
+}
+
+/// Gauss-Newton over position and the two tilts; the turn about the vessel's own axis stays that of the guess.
+fn fit_from(outline: &Outline, points: &[Point], guess: &Pose) -> Option<HeldPose> {
     let mut pose = *guess;
     let mut fit = None;
     for _ in 0..N_STEPS {
@@ -151,10 +172,7 @@ pub fn fit_held_pose(outline: &Outline, points: &[Point], guess: &Pose) -> Optio
             break;
         }
     }
-    fit.filter(|fit| {
-        let moved = guess.inverse() * fit.base_from_vessel;
-        fit.rms_m < MAX_RMS_M && moved.translation.vector.norm() < MAX_SHIFT_M && moved.rotation.angle() < MAX_TURN_RAD
-    })
+    fit
 }
 
 fn slope_of(outline: &Outline, point: &Point) -> Vector3<f64> {
@@ -199,7 +217,7 @@ mod tests {
     fn a_turned_and_shifted_vessel_is_found() {
         let guess = Pose::translation(0.8, 0.2, 0.9);
         let truth = guess * Pose::new(Vector3::new(0.008, -0.006, 0.004), Vector3::new(0.2, -0.15, 0.0));
-        let fit = fit_held_pose(&outline(), &seen(&truth, 0.0005), &guess).unwrap();
+        let fit = fit_held_pose(&outline(), &seen(&truth, 0.0005), &guess, &guess).unwrap();
         let error = truth.inverse() * fit.base_from_vessel;
         assert!(error.translation.vector.norm() < 0.006, "{error}");
         let tilt = (error.rotation * Vector3::z()).angle(&Vector3::z());
@@ -209,8 +227,8 @@ mod tests {
     #[test]
     fn too_few_points_or_another_thing_are_no_fit() {
         let guess = Pose::translation(0.8, 0.2, 0.9);
-        assert!(fit_held_pose(&outline(), &seen(&guess, 0.0)[..100], &guess).is_none());
+        assert!(fit_held_pose(&outline(), &seen(&guess, 0.0)[..100], &guess, &guess).is_none());
         let far = guess * Pose::translation(0.2, 0.0, 0.0);
-        assert!(fit_held_pose(&outline(), &seen(&far, 0.0), &guess).is_none());
+        assert!(fit_held_pose(&outline(), &seen(&far, 0.0), &guess, &guess).is_none());
     }
 }

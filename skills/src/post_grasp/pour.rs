@@ -137,7 +137,7 @@ fn held_vessel(
     let table_height_m = task.shape.base_from_vessel.translation.z;
     let points = points_near(&observation, &spheres, &guess, task.shape.height_m, table_height_m);
     let outline = Outline::of(object, &task.shape);
-    Ok(match fit_held_pose(&outline, &points, &guess) {
+    Ok(match fit_held_pose(&outline, &points, &guess, &base_from_palm) {
         Some(fit) => {
             let moved = guess.inverse() * fit.base_from_vessel;
             let lean_deg = (moved.rotation * nalgebra::Vector3::z()).angle(&nalgebra::Vector3::z()).to_degrees();
