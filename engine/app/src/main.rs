@@ -163,6 +163,7 @@ fn run_one(assets: &Assets, scenario: &Path, options: &RunOptions) -> Result<Exi
         seed: options.seed,
         folder: Some(folder.clone()),
         interrupted: &INTERRUPTED,
+        simulator: run::Simulator::default(),
         on_stage: &print_stage,
     })?;
     print_verdict(&report);

@@ -51,16 +51,32 @@ pub(crate) struct RunRequest<'a> {
     pub(crate) folder: Option<PathBuf>,
     /// Set by Ctrl-C.
     pub(crate) interrupted: &'a AtomicBool,
+    /// What tests change about the simulator.
+    pub(crate) simulator: Simulator<'a>,
     /// Called at the end of each stage.
     pub(crate) on_stage: &'a dyn Fn(&StageRecord, f64),
+}
+
+/// The simulator's options, and a last change to the scene after it was loaded and before the robot first looks.
+#[derive(Clone)]
+pub(crate) struct Simulator<'a> {
+    pub(crate) options: SimOptions,
+    pub(crate) prepare: &'a dyn Fn(JudgeHandle) -> JudgeHandle,
+}
+
+impl Default for Simulator<'_> {
+    fn default() -> Self {
+        Self { options: SimOptions::default(), prepare: &|judge| judge }
+    }
 }
 
 /// Runs a scenario in the simulator and judges it.
 pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
     let begun = Instant::now();
     let spec = draw_scene(request.scenario, request.assets, request.seed).map_err(|error| BadInput(chain(&error)))?;
-    let (driver, judge) = SimDriver::new(&spec, request.model, request.scenario.arm, SimOptions::default())
+    let (driver, judge) = SimDriver::new(&spec, request.model, request.scenario.arm, request.simulator.options.clone())
         .map_err(|error| BadInput(error.to_string()))?;
+    let judge = (request.simulator.prepare)(judge);
     let profile = request.model.hand_profile.clone().context("the robot has no hand profile")?;
     let synergy = SynergySpace::new(&profile)?;
     let limits = &request.scenario.limits;
@@ -417,3 +433,7 @@ impl Session<'_> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+#[path = "sensors_in.rs"]
+mod sensors_in;

@@ -214,6 +214,7 @@ fn run_unit(checked: &Checked, assets: &Assets, instruction: &Instruction, seed:
         seed,
         folder: None,
         interrupted: &INTERRUPTED,
+        simulator: crate::run::Simulator::default(),
         on_stage: &|_, _| {},
     };
     let failed = |stage: &str, reason: String| Unit {
