@@ -187,7 +187,8 @@ impl<'a> ArmScene<'a> {
             }
             PlanOutcome::NotFound { iterations } => return Err(format!("none found in {iterations} iterations")),
         };
-        let settings = TimingSettings { speed_fraction: speed, ..TimingSettings::default() };
+        let speed_fraction = speed.min(self.robot.max_speed_fraction());
+        let settings = TimingSettings { speed_fraction, ..TimingSettings::default() };
         let trajectory = retime(&path, self.chain(), &settings, Some(&self.free)).map_err(|error| error.to_string())?;
         match verify_exact(self.robot.model(), self.robot.side(), &self.whole_q, &self.free, &trajectory.q, EXACT_STEP_RAD) {
             None => Ok(trajectory),
@@ -200,6 +201,7 @@ impl<'a> ArmScene<'a> {
     /// # Errors
     /// Why it cannot be timed.
     pub fn time(&self, path: &[Vec<f64>], speed: f64) -> Result<JointTrajectory, String> {
+        let speed = speed.min(self.robot.max_speed_fraction());
         retime(path, self.chain(), &TimingSettings::cartesian(speed), None).map_err(|error| error.to_string())
     }
 }

@@ -38,6 +38,7 @@ pub struct Robot {
     hand_target: HandCommand,
     ramp: Option<(JointTrajectory, f64)>,
     is_stopped: bool,
+    max_speed_fraction: f64,
 }
 
 /// Points this far outside the body still count as the robot's own: calibration and depth noise.
@@ -75,7 +76,21 @@ impl Robot {
             hand_target: HandCommand::default(),
             ramp: None,
             is_stopped: false,
+            max_speed_fraction: 1.0,
         })
+    }
+
+    /// Lets no planned motion use more than this share of the joint speed limits.
+    #[must_use]
+    pub fn with_max_speed_fraction(mut self, fraction: f64) -> Self {
+        self.max_speed_fraction = fraction;
+        self
+    }
+
+    /// Largest share of the joint speed limits that a planned motion may use.
+    #[must_use]
+    pub fn max_speed_fraction(&self) -> f64 {
+        self.max_speed_fraction
     }
 
     /// Time on the driver's clock.

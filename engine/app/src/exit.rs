@@ -12,7 +12,7 @@ pub(crate) const JUDGED_FAILURE: u8 = 1;
 pub(crate) const BAD_INPUT: u8 = 2;
 /// The tree failed.
 pub(crate) const TREE_FAILURE: u8 = 3;
-/// The language backend asked back or refused; nothing moved.
+/// The language backend asked back or refused.
 pub(crate) const NOT_ATTEMPTED: u8 = 4;
 /// A file, a plugin or a device is missing or broken.
 pub(crate) const ENVIRONMENT: u8 = 5;
@@ -44,7 +44,7 @@ pub(crate) const HELP: &str = "Exit codes:\n  \
     1    the run ended, a success predicate does not hold\n  \
     2    bad input: command line, scenario or asset; nothing moved\n  \
     3    the behaviour tree failed\n  \
-    4    the language backend asked back or refused; nothing moved\n  \
+    4    the language backend asked back or refused\n  \
     5    environment: a file cannot be written, a plugin or device is missing\n  \
     6    the judge found the physics manipulated\n  \
     130  interrupted, the robot was halted";

@@ -88,8 +88,13 @@ pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
             high_m: [workspace.x_m.max, workspace.y_m.max, workspace.z_m.max],
         };
     }
-    let limiter = CommandLimiter::new(request.model.arm_chain(request.scenario.arm).clone(), limiter_settings);
-    let robot = Robot::new(Box::new(driver), request.model.clone(), synergy.clone(), limiter)?;
+    let mut chain = request.model.arm_chain(request.scenario.arm).clone();
+    for joint in &mut chain.limits {
+        joint.velocity *= limits.max_joint_speed_fraction;
+    }
+    let limiter = CommandLimiter::new(chain, limiter_settings);
+    let robot = Robot::new(Box::new(driver), request.model.clone(), synergy.clone(), limiter)?
+        .with_max_speed_fraction(limits.max_joint_speed_fraction);
     let context =
         plugins::PluginSetting { assets: request.assets, profile: &profile, scenario: request.scenario, seed: request.seed };
     let mut skills = SkillContext {

@@ -67,7 +67,7 @@ pub enum GraspType {
 pub struct UnknownGraspType(pub String);
 
 impl GraspType {
-    /// All twelve, in the order of the paper's numbering `t1..t12` used throughout the project.
+    /// All twelve, in the order `t1..t12` used throughout the project; the paper names its own only in figures.
     pub const ALL: [Self; 12] = [
         Self::LargeDiameter,
         Self::MediumWrap,

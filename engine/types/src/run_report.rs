@@ -36,7 +36,7 @@ pub struct PredicateResult {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// Every truth predicate (every sensed one without a simulator) holds.
+    /// The tree succeeded and every truth predicate holds.
     Success,
     /// The tree succeeded, a predicate does not hold.
     JudgedFailure,

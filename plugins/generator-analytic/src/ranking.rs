@@ -68,7 +68,7 @@ impl Scored {
     }
 
     /// Predicted stability in [0, 1] and the order of candidates: grows with the margin, is 0 without one, and falls by up to
-    /// [`FIT_SHARE`] for a grasp that holds but is not the one that was asked for.
+    /// `FIT_SHARE` for a grasp that holds but is not the one that was asked for.
     #[must_use]
     pub fn stability(&self) -> f64 {
         let t = &self.terms;

@@ -42,7 +42,7 @@ pub enum Shape {
         from_m: f64,
         /// Where it ends, metres.
         to_m: f64,
-        /// Radii at steps of [`PROFILE_STEP_M`], metres; at least one.
+        /// Radii at steps of `PROFILE_STEP_M`, metres; at least one.
         radii_m: Vec<f64>,
     },
     /// A box about its centre.
