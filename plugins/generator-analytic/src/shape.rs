@@ -5,6 +5,8 @@ use sfg_types::{Point, Pose, Vector};
 
 /// Normals that lean this much along the axis belong to an end of a solid of revolution: sine of 37 degrees.
 const MAX_SIDE_SLOPE: f64 = 0.6;
+/// Shorter than this many radii, a solid of revolution has no side to speak of.
+const MIN_SLENDERNESS: f64 = 2.5;
 /// Length of one step of a revolution's profile, metres.
 const PROFILE_STEP_M: f64 = 0.0075;
 /// A fit this good is taken without trying a smaller neighbourhood, metres rms: half a voxel.
@@ -84,11 +86,15 @@ impl Shape {
         }
     }
 
-    /// Whether a surface normal belongs to the side of the shape and not to an end. Every face of a box is a side.
+    /// Whether a surface normal belongs to the side of the shape and not to an end. Boxes and round things as short as a ball
+    /// have no ends.
     #[must_use]
     pub fn is_side(&self, normal: &Vector) -> bool {
         match self {
-            Self::Revolution { axis, .. } => normal.dot(axis).abs() < MAX_SIDE_SLOPE,
+            Self::Revolution { axis, from_m, to_m, radii_m, .. } => {
+                let radius_m = radii_m.iter().copied().fold(0.0, f64::max);
+                to_m - from_m < MIN_SLENDERNESS * radius_m || normal.dot(axis).abs() < MAX_SIDE_SLOPE
+            }
             Self::Cuboid { .. } => true,
         }
     }
