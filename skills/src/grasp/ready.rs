@@ -36,9 +36,17 @@ impl Ready {
         let mut from_q = q.clone();
         if scene.touches(&q).is_some() {
             let back = robot.chain().fk(&q) * Pose::translation(0.0, 0.0, -RETREAT_M);
-            let mut up = back;
-            up.translation.z += RETREAT_M;
-            let path = scene.straight(&q, &[back, up]).map_err(|miss| fail(format!("cannot back off: {miss}")))?;
+            let raised = |pose: &Pose| {
+                let mut pose = *pose;
+                pose.translation.z += RETREAT_M;
+                pose
+            };
+            let ways = [vec![back, raised(&back)], vec![raised(&robot.chain().fk(&q))], vec![back]];
+            let mut tried = ways.iter().map(|way| scene.straight(&q, way));
+            let path = tried
+                .by_ref()
+                .find_map(Result::ok)
+                .ok_or_else(|| fail("the open hand can back off neither along the palm's normal nor upwards".to_owned()))?;
             from_q = path[path.len() - 1].clone();
             motions.push(scene.time(&path, RETREAT_SPEED).map_err(fail)?);
         }

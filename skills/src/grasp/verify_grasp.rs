@@ -4,8 +4,9 @@ use crate::context::{SkillContext, SkillFailure, StageNote, hash_of};
 use sfg_tree::Registry;
 use sfg_types::{FailureReason, HandFeedback, HandProfile};
 
-/// Grip from which something is in the hand: closing on air stays below a tenth.
-const MIN_GRIP: f64 = 0.2;
+/// Grip from which something is in the hand: closing on air stays well below a tenth, and a thing that settles deeper into
+/// the hand while it is lifted lets the tendon slacken.
+const MIN_GRIP: f64 = 0.1;
 /// The springs alone never take more than this share of the stall current.
 const MAX_FREE_SHARE: f64 = 0.95;
 
