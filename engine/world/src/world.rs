@@ -22,6 +22,8 @@ use sfg_types::{HandSide, Pose as Pose64, RobotCommand};
 
 /// Things that still rock after the settling time are given this many times as much: scans stand on uneven bases.
 const MAX_SETTLES: usize = 6;
+/// A thing that rocks moves no farther sideways than this, metres.
+const ROCKS_WITHIN_M: f64 = 0.003;
 /// Objects start this far above the table and settle, metres.
 const DROP_M: f64 = 5e-4;
 /// A world whose objects still move faster than this after settling is refused, m/s,
@@ -253,7 +255,16 @@ impl World {
     fn settle(&mut self, spec: &SceneSpec) -> Result<(), WorldError> {
         let n_steps = (spec.settings.settle_secs / DT_SECS).round() as usize;
         for step in 0..MAX_SETTLES * n_steps {
-            if step >= n_steps && self.bodies.objects.iter().all(|object| self.speed_mps(object.body) <= SETTLED_MPS) {
+            let is_still = |object: &crate::bodies::ObjectBody| self.speed_mps(object.body) <= SETTLED_MPS;
+            if step == n_steps
+                && self.bodies.objects.iter().zip(&spec.objects).any(|(object, asked)| {
+                    // Rocking stays in place; what is pushed sideways overlaps something.
+                    !is_still(object) && self.moved_m(object.body, asked) > ROCKS_WITHIN_M
+                })
+            {
+                break;
+            }
+            if step >= n_steps && self.bodies.objects.iter().all(is_still) {
                 break;
             }
             self.robot.drive(&mut self.bodies.physics);
@@ -262,14 +273,12 @@ impl World {
         self.check_finite()?;
         for (idx, object) in self.bodies.objects.iter().enumerate() {
             let bad = |message: String| Err(WorldError::BadScene { what: object.name.clone(), message });
-            let body = &self.bodies.physics.bodies[object.body];
             let speed = self.speed_mps(object.body);
             if n_steps > 0 && speed > SETTLED_MPS {
                 let secs = MAX_SETTLES as f64 * spec.settings.settle_secs;
                 return bad(format!("still moves at {speed:.2} m/s after {secs} s; it overlaps something or cannot stand"));
             }
-            let (asked, found) = (&spec.objects[idx], from_physics(body.position()).translation.vector);
-            let moved = (found.x - asked.x_m).hypot(found.y - asked.y_m);
+            let moved = self.moved_m(object.body, &spec.objects[idx]);
             if moved > SETTLED_WITHIN_M {
                 return bad(format!("moved by {moved:.3} m while the scene came to rest; it overlaps something or cannot stand"));
             }
@@ -283,6 +292,12 @@ impl World {
             }
         }
         Ok(())
+    }
+
+    /// How far a thing is from where it was put, in the plane of the table.
+    fn moved_m(&self, body: RigidBodyHandle, asked: &crate::scene::ObjectSpec) -> f64 {
+        let found = from_physics(self.bodies.physics.bodies[body].position()).translation.vector;
+        (found.x - asked.x_m).hypot(found.y - asked.y_m)
     }
 
     fn speed_mps(&self, body: RigidBodyHandle) -> f64 {
