@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result};
 use sfg_driver_sim::world::{PREDICATES, Predicate};
 use sfg_kinematics::RobotModel;
 use sfg_plugin_host::Contract;
-use sfg_scenario::{Mistake, Scenario, Vocabulary};
+use sfg_scenario::{Mistake, ObjectShape, Scenario, SceneObject, Vocabulary};
 use sfg_skills::SkillContext;
 use sfg_synergy::SynergySpace;
 use sfg_tree::Registry;
@@ -85,11 +85,23 @@ pub(crate) fn schema_text(assets: &Assets) -> Result<String> {
     Ok(serde_json::to_string_pretty(&schema)?)
 }
 
-/// Objects whose files are missing or broken, or that cannot be made in the sizes asked for.
+/// Objects whose files are missing or broken, that cannot be made in the sizes asked for, or that cannot hold what is in them.
 fn object_mistakes(scenario: &Scenario, assets: &Assets) -> Vec<Mistake> {
-    let made = |object| scene::instance_of(object, scenario, assets, &mut |range| range.at(0.5));
-    let objects = scenario.scene.objects.iter();
-    objects.filter_map(|object| Some(Mistake::new(object.name.place, crate::say::chain(&made(object).err()?)))).collect()
+    let mistake = |object: &SceneObject| {
+        let place = object.name.place;
+        match scene::instance_of(object, scenario, assets, &mut |range| range.at(0.5)) {
+            Err(error) => Some(Mistake::new(place, crate::say::chain(&error))),
+            Ok(made) if object.filled_grains > 0 && made.interior.is_none() => {
+                let mistake = Mistake::new(place, format!("object {:?} is to hold grains but is no vessel", object.name.value));
+                Some(match object.shape {
+                    ObjectShape::Model(_) => mistake,
+                    ObjectShape::Scanned { .. } => mistake.help("bore a closed scan: `hollow: {mouth_m: 0.15, wall_m: 0.004}`"),
+                })
+            }
+            Ok(_) => None,
+        }
+    };
+    scenario.scene.objects.iter().filter_map(mistake).collect()
 }
 
 /// Arguments of predicates that do not fit, and objects they name that are not in the scene.

@@ -5,7 +5,7 @@ use anyhow::{Context as _, Result};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use sfg_driver_sim::world::{ObjectSpec, SceneSpec, TableSpec, WorldSettings};
-use sfg_geometry::{ObjectInstance, ObjectParams, ScannedObject};
+use sfg_geometry::{Hollow, ObjectInstance, ObjectParams, ScannedObject};
 use sfg_scenario::{ObjectShape, Range, Scenario, SceneObject};
 use std::path::Path;
 
@@ -89,7 +89,7 @@ pub(crate) fn instance_of(
             };
             Ok(model.instantiate(&params)?)
         }
-        ObjectShape::Scanned { mesh, hulls, mass_kg } => {
+        ObjectShape::Scanned { mesh, hulls, mass_kg, hollow } => {
             let folder = scenario.source.path.parent().unwrap_or(Path::new(""));
             let scan = ScannedObject {
                 category: object.name.value.clone(),
@@ -97,6 +97,7 @@ pub(crate) fn instance_of(
                 mesh: folder.join(&mesh.value),
                 hulls: folder.join(&hulls.value),
                 mass_kg: *mass_kg,
+                hollow: hollow.map(|hollow| Hollow { mouth_m: hollow.mouth_m, wall_m: hollow.wall_m }),
                 colour: [170, 150, 60],
             };
             Ok(scan.load()?)

@@ -4,7 +4,8 @@
 use nalgebra::{Point3, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sfg_geometry::{GeometryError, ObjectInstance, ObjectModel, ScannedObject};
+use sfg_geometry::{GeometryError, Hollow, LabelledPiece, ObjectInstance, ObjectModel, Piece, ScannedObject, Touches, TriMesh};
+use sfg_types::Pose;
 use std::path::{Path, PathBuf};
 
 /// Largest distance between the collision pieces and the exact surface.
@@ -225,7 +226,7 @@ fn scan(name: &str, mass_kg: f64) -> Option<ScannedObject> {
         println!("passed over: the scan of {name} is not here");
         return None;
     }
-    Some(ScannedObject { category: name.to_owned(), words: Vec::new(), mesh, hulls, mass_kg, colour: [200; 3] })
+    Some(ScannedObject { category: name.to_owned(), words: Vec::new(), mesh, hulls, mass_kg, hollow: None, colour: [200; 3] })
 }
 
 #[test]
@@ -281,6 +282,7 @@ fn an_open_scan_is_refused() {
         mesh: mesh.clone(),
         hulls: mesh,
         mass_kg: 1.0,
+        hollow: None,
         colour: [0; 3],
     };
     let error = scan.load().unwrap_err();
@@ -302,5 +304,194 @@ fn the_index_names_every_model_and_no_file_is_missing() {
     assert_eq!(index.lines().filter(|line| line.contains("`") && line.contains(".yaml`")).count(), models().len());
     for (status, n) in [("| seen |", 10), ("| **novel** |", 10), ("| extra |", 10)] {
         assert_eq!(index.lines().filter(|line| line.contains(status)).count(), n, "{status}");
+    }
+}
+
+/// Half widths of a flat bottle with a waist and a cap, a superellipse at each height.
+fn flat_bottle_half_widths(z: f64) -> [f64; 2] {
+    let shape = [
+        [0.0, 0.046, 0.027],
+        [0.004, 0.048, 0.029],
+        [0.08, 0.041, 0.025],
+        [0.15, 0.040, 0.026],
+        [0.17, 0.02, 0.02],
+        [0.2, 0.02, 0.02],
+    ];
+    let w = shape.windows(2).find(|w| z <= w[1][0]).unwrap();
+    let t = (z - w[0][0]) / (w[1][0] - w[0][0]);
+    [1, 2].map(|k| w[0][k] + t * (w[1][k] - w[0][k]))
+}
+
+/// A closed mesh of it between two heights.
+fn flat_bottle(low: f64, high: f64) -> TriMesh {
+    const N: usize = 64;
+    const N_RINGS: usize = 50;
+    let mut mesh = TriMesh::default();
+    for ring in 0..=N_RINGS {
+        let z = low + (high - low) * ring as f64 / N_RINGS as f64;
+        let [a, b] = flat_bottle_half_widths(z);
+        for i in 0..N {
+            let (sin, cos) = (std::f64::consts::TAU * i as f64 / N as f64).sin_cos();
+            let power = |v: f64| v.signum() * v.abs().powf(2.0 / 2.6);
+            mesh.vertices.push(Point3::new(a * power(cos), b * power(sin), z));
+        }
+    }
+    let at = |ring: usize, i: usize| (ring * N + i % N) as u32;
+    for ring in 0..N_RINGS {
+        for i in 0..N {
+            mesh.triangles.push([at(ring, i), at(ring, i + 1), at(ring + 1, i + 1)]);
+            mesh.triangles.push([at(ring, i), at(ring + 1, i + 1), at(ring + 1, i)]);
+        }
+    }
+    for i in 1..N - 1 {
+        mesh.triangles.push([at(0, 0), at(0, i + 1), at(0, i)]);
+        mesh.triangles.push([at(N_RINGS, 0), at(N_RINGS, i), at(N_RINGS, i + 1)]);
+    }
+    mesh
+}
+
+/// The scan of the flat bottle, with one hull below 0.1 m, one across the mouth and one for the cap.
+fn bottle_scan(dir: &Path, hollow: Option<Hollow>) -> ScannedObject {
+    let (mesh, hulls) = (dir.join("bottle.obj"), dir.join("hulls.obj"));
+    flat_bottle(0.0, 0.2).write_obj(&mesh, "").unwrap();
+    let mut text = String::new();
+    for (low, high) in [(0.0, 0.1), (0.1, 0.17), (0.17, 0.2)] {
+        let mut group = flat_bottle(low, high);
+        let faces = std::mem::take(&mut group.triangles);
+        text += &format!("o part\n{}", group.to_obj(""));
+        for t in faces {
+            // Negative numbers count back from the newest vertex.
+            let [a, b, c] = t.map(|v| i64::from(v) - group.vertices.len() as i64);
+            text += &format!("f {a} {b} {c}\n");
+        }
+    }
+    std::fs::write(&hulls, text).unwrap();
+    ScannedObject { category: "bottle".to_owned(), words: Vec::new(), mesh, hulls, mass_kg: 0.4, hollow, colour: [200; 3] }
+}
+
+const MOUTH_M: f64 = 0.15;
+const WALL_M: f64 = 0.004;
+
+#[test]
+fn a_closed_flat_bottle_is_bored_into_a_round_vessel() {
+    let dir = tempfile::tempdir().unwrap();
+    let solid = bottle_scan(dir.path(), None).load().unwrap();
+    assert!(solid.interior.is_none() && solid.pieces.iter().all(|piece| piece.touches == Touches::Everything));
+    let bottle = bottle_scan(dir.path(), Some(Hollow { mouth_m: MOUTH_M, wall_m: WALL_M })).load().unwrap();
+    let interior = bottle.interior.as_ref().unwrap();
+    assert!(interior.axis_xy_in_object.iter().all(|c| c.abs() < 1e-3), "{interior:?}");
+    assert!((interior.floor_m() - WALL_M).abs() < 1e-9 && (interior.rim_m() - MOUTH_M).abs() < 1e-9, "{interior:?}");
+    // As wide as the narrow side allows, less what straight pieces give away.
+    for z in (3..15).map(|cm| 0.01 * f64::from(cm)) {
+        let widest = flat_bottle_half_widths(z)[1] - WALL_M;
+        let radius = interior.radius_at(z).unwrap();
+        assert!((widest - 1.5e-3..=widest + 1e-4).contains(&radius), "{radius} m at {z} m, room for {widest} m");
+    }
+    let at = |x: f64, y: f64, z: f64| bottle.signed_distance(&Point3::new(x, y, z));
+    assert!(at(0.0, 0.0, MOUTH_M - 0.001) > 0.015 && at(0.0, 0.0, 0.08) > 0.015, "the mouth is open");
+    assert!(at(0.0, interior.radius_at(0.08).unwrap() + 0.5 * WALL_M, 0.08) < -0.3 * WALL_M, "the wall is solid");
+    assert!(at(0.0, 0.0, 0.5 * WALL_M) < -0.3 * WALL_M, "the floor is solid");
+    assert!(at(0.0, 0.0, MOUTH_M + 0.03) > 0.02, "the cap is gone");
+    assert!((bottle.bounds().1.z - MOUTH_M).abs() < 2e-4, "{:?}", bottle.bounds());
+    let mesh = bottle.surface_mesh(0.002);
+    assert_eq!((mesh.n_open_edges(), mesh.euler_characteristic()), (0, 2));
+    let expected = solid.mass.volume_m3 - interior.volume_m3();
+    assert!(bottle.mass.volume_m3 < expected && mesh.volume_m3() / bottle.mass.volume_m3 > 0.95, "{:?}", bottle.mass);
+}
+
+#[test]
+fn a_block_is_bored_with_an_even_radius() {
+    let dir = tempfile::tempdir().unwrap();
+    let obj = dir.path().join("block.obj");
+    let up = Pose::translation(0.0, 0.0, 0.075);
+    sfg_geometry::mesh::cuboid(&Vector3::new(0.05, 0.03, 0.075)).transformed(&up).write_obj(&obj, "").unwrap();
+    let hollow = Some(Hollow { mouth_m: 0.12, wall_m: WALL_M });
+    let block = ScannedObject { mesh: obj.clone(), hulls: obj, hollow, ..bottle_scan(dir.path(), None) }.load().unwrap();
+    let interior = block.interior.unwrap();
+    assert!(interior.axis_xy_in_object.iter().all(|c| c.abs() < 1e-6), "of many equal axes the middle one: {interior:?}");
+    assert!(interior.profile_m.iter().all(|point| (point[1] - 0.026).abs() < 3e-4), "{interior:?}");
+}
+
+#[test]
+fn grains_meet_the_walls_of_a_bored_scan_and_all_else_its_hulls() {
+    let dir = tempfile::tempdir().unwrap();
+    let bottle = bottle_scan(dir.path(), Some(Hollow { mouth_m: MOUTH_M, wall_m: WALL_M })).load().unwrap();
+    let solid = bottle_scan(dir.path(), None).load().unwrap();
+    let (hulls, walls): (Vec<_>, Vec<_>) = bottle.pieces.iter().partition(|p| matches!(p.piece, Piece::ConvexHull { .. }));
+    assert!(hulls.iter().all(|p| p.touches == Touches::AllButGrains) && walls.iter().all(|p| p.touches == Touches::GrainsOnly));
+    assert_eq!(hulls.len(), 2, "the cap has none left");
+    assert!(walls.len() < 400, "{} staves", walls.len());
+    let corners = |p: &LabelledPiece| -> Vec<Point3<f64>> {
+        let local = match &p.piece {
+            Piece::ConvexHull { points } => points.clone(),
+            Piece::Cuboid { half_extents_m: h } => {
+                (0..8).map(|c| Point3::from(Vector3::from_fn(|k, _| if c >> k & 1 == 1 { h[k] } else { -h[k] }))).collect()
+            }
+            _ => Vec::new(),
+        };
+        local.iter().map(|corner| p.object_from_piece * corner).collect()
+    };
+    let top = |pieces: &[&LabelledPiece]| pieces.iter().flat_map(|p| corners(p)).map(|c| c.z).fold(0.0, f64::max);
+    assert!((top(&hulls) - MOUTH_M).abs() < 1e-6, "hulls end at {} m", top(&hulls));
+    assert!((top(&walls) - MOUTH_M).abs() < 1e-6, "staves end at {} m", top(&walls));
+    for corner in walls.iter().flat_map(|p| corners(p)) {
+        let outside = solid.signed_distance(&corner);
+        assert!(outside < PIECE_ERROR_M, "a stave stands {outside} m out of the scan at {corner:?}");
+    }
+    let grains = bottle.interior.as_ref().unwrap().grain_positions(0.004, 200);
+    assert_eq!(grains.len(), 200);
+    for grain in &grains {
+        assert!(bottle.signed_distance(grain) > 0.004, "{grain:?} is {} m from the surface", bottle.signed_distance(grain));
+        let to_walls = walls.iter().map(|p| p.piece.signed_distance(&p.object_from_piece.inverse_transform_point(grain)));
+        assert!(to_walls.fold(f64::INFINITY, f64::min) > 0.004, "a grain begins in a stave at {grain:?}");
+    }
+}
+
+#[test]
+fn wishes_that_a_scan_has_no_room_for_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let check = |mouth_m: f64, wall_m: f64, expected: &str| {
+        let error = bottle_scan(dir.path(), Some(Hollow { mouth_m, wall_m })).load().unwrap_err().to_string();
+        assert!(error.contains(&format!("bottle.obj:0: hollow: {expected}")), "{error}");
+    };
+    check(0.15, 0.001, "wall_m is 0.001 m, grains leak through walls under 0.003 m");
+    check(
+        0.25,
+        0.004,
+        "mouth_m is 0.25 m, expected 0.024 m (the floor and a depth of 0.02 m) to 0.196 m (the top less the wall)",
+    );
+    check(0.01, 0.004, "mouth_m is 0.01 m, expected 0.024 m");
+    check(f64::NAN, 0.004, "mouth_m is NaN m");
+    check(0.15, 0.024, "a wall of 0.024 m leaves a radius of 0.9 mm at the height of 0.150 m, grains need 8 mm");
+    check(0.19, 0.014, "mouth_m is 0.19 m, expected");
+    check(0.185, 0.014, "a wall of 0.014 m leaves a radius of 6.");
+    let mut bowl = bottle_scan(dir.path(), Some(Hollow { mouth_m: 0.05, wall_m: 0.004 }));
+    let cup = model("cup").instantiate(&model("cup").nominal_params()).unwrap();
+    cup.surface_mesh(0.002).write_obj(&bowl.mesh, "").unwrap();
+    bowl.hulls = bowl.mesh.clone();
+    let error = bowl.load().unwrap_err().to_string();
+    assert!(error.contains("hollow: the scan is hollow already"), "{error}");
+}
+
+#[test]
+fn the_scanned_mustard_bottle_holds_120_grains_when_bored() {
+    let Some(mut scan) = scan("mustard_bottle", 0.603) else { return };
+    scan.hollow = Some(Hollow { mouth_m: 0.150, wall_m: 0.004 });
+    let start = std::time::Instant::now();
+    let bottle = scan.load().unwrap();
+    let load_secs = start.elapsed().as_secs_f64();
+    let interior = bottle.interior.as_ref().unwrap();
+    let n_most = interior.grain_positions(0.004, 2000).len();
+    let mesh = bottle.surface_mesh(0.002);
+    let (volume_ml, n_triangles) = (1e6 * interior.volume_m3(), mesh.triangles.len());
+    println!(
+        "mustard bottle: {load_secs:.2} s, {n_most} grains, {volume_ml:.0} ml, {} pieces, {n_triangles} triangles",
+        bottle.pieces.len()
+    );
+    println!("{interior:?} {:?}", bottle.mass);
+    assert!(n_most >= 120);
+    assert_eq!(mesh.n_open_edges(), 0);
+    for grain in interior.grain_positions(0.004, 120) {
+        assert!(bottle.signed_distance(&grain) > 0.004, "{grain:?}");
     }
 }

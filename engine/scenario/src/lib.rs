@@ -19,7 +19,7 @@ pub use document::{MAX_ALIAS_EXPANSION, MAX_DEPTH, MAX_FILE_BYTES};
 pub use mistake::{At, Mistake, Place, ScenarioErrors, Source};
 pub use plugins::{PluginChoice, Plugins};
 pub use scenario::{Limits, Scenario, Workspace};
-pub use scene::{Distractors, ObjectShape, Placement, Range, Scene, SceneObject};
+pub use scene::{Distractors, Hollow, ObjectShape, Placement, Range, Scene, SceneObject};
 pub use schema::schema;
 pub use success::{Predicate, Success};
 pub use vocabulary::Vocabulary;

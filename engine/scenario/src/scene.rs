@@ -81,7 +81,18 @@ pub enum ObjectShape {
         hulls: At<PathBuf>,
         /// Mass, kilograms.
         mass_kg: f64,
+        /// How a closed scan is made a vessel; as it is when absent.
+        hollow: Option<Hollow>,
     },
+}
+
+/// A closed scan is cut off level and bored from there, so that it holds grains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hollow {
+    /// Height of the cut over the base, metres.
+    pub mouth_m: f64,
+    /// Thinnest wall, metres.
+    pub wall_m: f64,
 }
 
 /// A pose on the table in the base frame.
@@ -104,6 +115,10 @@ pub struct Distractors {
     pub from: Vec<At<String>>,
 }
 
+/// What any scan may be cut at; the scan itself says the rest.
+pub(crate) const MOUTH_M: (f64, f64) = (0.023, 1.0);
+/// Thinner walls let grains through.
+pub(crate) const WALL_M: (f64, f64) = (0.003, 0.05);
 const SCALE: (f64, f64) = (0.2, 5.0);
 /// Friction above this is no honest simulation of a hand.
 const MAX_FRICTION: f64 = 0.8;
@@ -157,13 +172,24 @@ impl Reader {
             let message = format!("an object is one name, found {:?} beside {:?}", extra.text, key.text);
             self.report_with_help(extra.place, message, "begin it with `- `, or indent it to make it a key of the object");
         }
-        const KEYS: &[&str] =
-            &["model", "mesh", "hulls", "mass_kg", "at", "filled_grains", "colour", "height_scale", "radius_scale", "mass_scale"];
+        const KEYS: &[&str] = &[
+            "model",
+            "mesh",
+            "hulls",
+            "mass_kg",
+            "hollow",
+            "at",
+            "filled_grains",
+            "colour",
+            "height_scale",
+            "radius_scale",
+            "mass_scale",
+        ];
         let what = format!("object {:?}", key.text);
         let fields = self.fields(&what, body, KEYS)?;
         let shape = match (fields.get("model"), fields.get("mesh")) {
             (Some(model), None) => {
-                for scanned_key in ["hulls", "mass_kg"] {
+                for scanned_key in ["hulls", "mass_kg", "hollow"] {
                     if let Some(place) = fields.key_place(scanned_key) {
                         self.report(place, format!("{what}: {scanned_key:?} belongs to `mesh`, not to `model`"));
                     }
@@ -174,7 +200,9 @@ impl Reader {
                 let mesh = self.path("mesh", mesh);
                 let hulls = self.required(&what, &fields, "hulls").and_then(|node| self.path("hulls", node));
                 let mass_kg = self.required(&what, &fields, "mass_kg").and_then(|node| self.number("mass_kg", node, 0.001, 10.0));
-                mesh.zip(hulls).zip(mass_kg).map(|((mesh, hulls), mass_kg)| ObjectShape::Scanned { mesh, hulls, mass_kg })
+                let hollow = fields.get("hollow").map_or(Some(None), |node| self.hollow(node).map(Some));
+                let (mesh, hulls, mass_kg, hollow) = (mesh?, hulls?, mass_kg?, hollow?);
+                Some(ObjectShape::Scanned { mesh, hulls, mass_kg, hollow })
             }
             (Some(_), Some(mesh)) => {
                 self.report(mesh.place, format!("{what} has both `model` and `mesh`"));
@@ -199,6 +227,14 @@ impl Reader {
         let name = At { value: key.text.clone(), place: key.place };
         let (shape, placement, filled_grains, colour) = (shape?, placement?, filled_grains?, colour.flatten());
         Some(SceneObject { name, shape, placement, filled_grains, colour, height_scale, radius_scale, mass_scale })
+    }
+
+    fn hollow(&mut self, node: &Node) -> Option<Hollow> {
+        let fields = self.fields("hollow", node, &["mouth_m", "wall_m"])?;
+        let mouth_m =
+            self.required("hollow", &fields, "mouth_m").and_then(|node| self.number("mouth_m", node, MOUTH_M.0, MOUTH_M.1));
+        let wall_m = self.required("hollow", &fields, "wall_m").and_then(|node| self.number("wall_m", node, WALL_M.0, WALL_M.1));
+        Some(Hollow { mouth_m: mouth_m?, wall_m: wall_m? })
     }
 
     fn path(&mut self, what: &str, node: &Node) -> Option<At<PathBuf>> {

@@ -3,6 +3,7 @@
 //! It is made from the same lists that the reader checks: node models and vocabulary. What a schema cannot say (keys that
 //! nobody writes, types of keys) only [`crate::Scenario::load`] finds.
 
+use crate::scene::{MOUTH_M, WALL_M};
 use crate::vocabulary::Vocabulary;
 use serde_json::{Map, Value, json};
 use sfg_tree::{Literal, NodeClass, NodeModel, PortSpec, Shape};
@@ -120,6 +121,26 @@ fn object_schema() -> Value {
             "mesh": {"type": "string", "description": "Scanned surface, OBJ, relative to this file."},
             "hulls": {"type": "string", "description": "Convex parts of the scan, OBJ."},
             "mass_kg": {"type": "number", "minimum": 0.001, "maximum": 10, "description": "Mass of the scan, kilograms."},
+            "hollow": {
+                "type": "object",
+                "required": ["mouth_m", "wall_m"],
+                "additionalProperties": false,
+                "description": "Makes a closed scan a vessel: it is cut off level at the mouth and bored round from there.",
+                "properties": {
+                    "mouth_m": {
+                        "type": "number",
+                        "minimum": MOUTH_M.0,
+                        "maximum": MOUTH_M.1,
+                        "description": "Height of the cut over the base, metres."
+                    },
+                    "wall_m": {
+                        "type": "number",
+                        "minimum": WALL_M.0,
+                        "maximum": WALL_M.1,
+                        "description": "Thinnest wall, metres: a flat bottle has thicker ones on its long sides."
+                    }
+                }
+            },
             "at": {
                 "type": "object",
                 "required": ["x_m", "y_m"],

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests fail by panicking and say what they leave out")]
 
 use rand::{Rng, SeedableRng};
-use sfg_scenario::{MAX_FILE_BYTES, Scenario, ScenarioErrors, Vocabulary};
+use sfg_scenario::{Hollow, MAX_FILE_BYTES, ObjectShape, Scenario, ScenarioErrors, Vocabulary};
 use sfg_tree::{PortSpec, Registry};
 use std::path::Path;
 
@@ -152,8 +152,31 @@ fn unknown_keys() {
         "height_scale",
         "width_scale",
         &[
-            "10:51 object \"bottle\" has no key \"width_scale\" | known here are model, mesh, hulls, mass_kg, at, filled_grains, colour, height_scale, radius_scale, mass_scale",
+            "10:51 object \"bottle\" has no key \"width_scale\" | known here are model, mesh, hulls, mass_kg, hollow, at, filled_grains, colour, height_scale, radius_scale, mass_scale",
         ],
+    );
+}
+
+#[test]
+fn a_scan_is_bored_as_asked() {
+    let hollow = |value: &str| with("colour: yellow", &format!("hollow: {value}"));
+    let scenario = parse(&hollow("{mouth_m: 0.15, wall_m: 0.004}")).unwrap_or_else(|errors| panic!("{errors}"));
+    let ObjectShape::Scanned { hollow: Some(found), .. } = scenario.scene.objects[2].shape else { panic!("no hollow") };
+    assert_eq!(found, Hollow { mouth_m: 0.15, wall_m: 0.004 });
+    let check = |value: &str, expected: &str| check_text(&hollow(value), &[expected]);
+    check("{mouth_m: 0.15}", "12:85 hollow needs key \"wall_m\"");
+    check("{mouth_m: 3, wall_m: 0.004}", "12:94 mouth_m: expected a number from 0.023 to 1, found 3");
+    check("{mouth_m: 0.15, wall_m: 0.001}", "12:108 wall_m: expected a number from 0.003 to 0.05, found 0.001");
+    check("{mouth: 0.15, mouth_m: 0.15, wall_m: 0.004}", "12:85 hollow has no key \"mouth\" | known here are mouth_m, wall_m");
+    check("yes", "12:84 hollow: expected a map, found \"yes\"");
+}
+
+#[test]
+fn only_scans_are_bored() {
+    check(
+        "filled_grains: 150",
+        "hollow: {mouth_m: 0.1, wall_m: 0.004}",
+        &["10:31 object \"bottle\": \"hollow\" belongs to `mesh`, not to `model`"],
     );
 }
 

@@ -3,7 +3,7 @@
 use crate::convert::{from_physics, point_from_physics};
 use crate::judge::Finger;
 use rapier3d::prelude::*;
-use sfg_geometry::ObjectInstance;
+use sfg_geometry::{ObjectInstance, Touches};
 use sfg_types::{Point, Vector as Vector64};
 
 /// What a collider belongs to; kept in the collider's user data.
@@ -57,6 +57,14 @@ pub(crate) struct ObjectBody {
     pub(crate) mass_range_kg: [f64; 2],
     /// Centre of mass at time zero.
     pub(crate) rest_centre: Point,
+}
+
+impl ObjectBody {
+    /// The pieces that hands, the table and other objects can touch: all but the walls that a bored scan has for grains alone.
+    pub(crate) fn tangible_pieces(&self) -> impl Iterator<Item = &(ColliderHandle, String)> {
+        let models = self.instance.pieces.iter();
+        self.pieces.iter().zip(models).filter(|(_, model)| model.touches != Touches::GrainsOnly).map(|(piece, _)| piece)
+    }
 }
 
 /// A grain.
@@ -117,8 +125,7 @@ impl Bodies {
     /// Height of the lowest point of an object above the table top, metres.
     pub(crate) fn clearance_m(&self, object_idx: usize) -> f64 {
         let lowest = self.objects[object_idx]
-            .pieces
-            .iter()
+            .tangible_pieces()
             .map(|(collider, _)| self.physics.colliders[*collider].compute_aabb().mins.z)
             .fold(f32::INFINITY, f32::min);
         f64::from(lowest) - self.table_height_m

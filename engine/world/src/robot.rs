@@ -15,8 +15,10 @@ use sfg_types::{HandFeedback, HandProfile, HandSide, Pose as Pose64, RobotComman
 pub(crate) const GROUP_ACTING: Group = Group::GROUP_1;
 /// The rest of the robot: fixed. The acting arm passes through it; keeping clear of it is the planner's work.
 pub(crate) const GROUP_STATIC: Group = Group::GROUP_2;
-/// Table, objects, grains.
+/// Table and objects.
 pub(crate) const GROUP_SCENE: Group = Group::GROUP_3;
+/// Grains.
+pub(crate) const GROUP_GRAIN: Group = Group::GROUP_4;
 
 /// Arm servo gains of the strong joints 1-4 and the weak joints 5-7: palm error 0.6 mm while moving, 0.13 mm at rest.
 const STRONG: [f64; 2] = [20_000.0, 500.0];
@@ -67,7 +69,7 @@ impl ActingRobot {
         let root_idx = first.ok_or_else(|| broken("the acting arm has no joint".to_owned()))?.parent_idx;
         let settings = LinkSettings {
             friction,
-            collision_groups: InteractionGroups::new(GROUP_ACTING, GROUP_SCENE, InteractionTestMode::And),
+            collision_groups: InteractionGroups::new(GROUP_ACTING, GROUP_SCENE | GROUP_GRAIN, InteractionTestMode::And),
             armature: |name| {
                 if name.contains("panda") || name.contains("arm") { ARM_ARMATURE_KG_M2 } else { FINGER_ARMATURE_KG_M2 }
             },
@@ -255,7 +257,7 @@ pub(crate) fn insert_static_robot(
                 .position(to_physics(&(base_from_link * part.link_from_shape * part_from_shape)))
                 .friction(friction as f32)
                 .friction_combine_rule(FRICTION_RULE)
-                .collision_groups(InteractionGroups::new(GROUP_STATIC, GROUP_SCENE, InteractionTestMode::And))
+                .collision_groups(InteractionGroups::new(GROUP_STATIC, GROUP_SCENE | GROUP_GRAIN, InteractionTestMode::And))
                 .user_data(Role::Robot.encode());
             physics.insert_collider(collider, Some(body));
         }

@@ -4,10 +4,10 @@
 //! commands out" is a matter of types, not of discipline.
 
 use crate::judge::{GraspAsked, JudgeReport, Predicate, Tampering, Verdict};
-use crate::truth::{Truth, TruthPoison};
+use crate::truth::{ObjectTruth, Truth, TruthPoison};
 use crate::{Viewpoint, World, WorldError};
 use sfg_render::Picture;
-use sfg_types::{HandFeedback, Observation, RobotCommand};
+use sfg_types::{HandFeedback, Observation, Point, RobotCommand};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Joint encoders and motor feedback of one moment.
@@ -76,6 +76,14 @@ impl JudgeHandle {
             poison.apply(&mut truth);
         }
         truth
+    }
+
+    /// Name of the object that stands nearest to a point of the base frame, seen from above.
+    #[must_use]
+    pub fn object_at(&self, point_in_base: &Point) -> Option<String> {
+        let distance = |object: &ObjectTruth| (object.base_from_object.translation.vector - point_in_base.coords).xy().norm();
+        let truth = lock(&self.world).truth();
+        truth.objects.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).map(|object| object.name)
     }
 
     /// The same handle with a truth view that lies; verdicts stay right.

@@ -5,7 +5,7 @@ use crate::convert::{from_physics, to_physics, vector_from_physics, vector_to_ph
 use crate::hash::StateHash;
 use crate::judge::{self, GRAVITY, GraspAsked, Guard, Judge, JudgeReport, Predicate, Protected, RobotTruth, Tampering, Verdict};
 use crate::multibody::FRICTION_RULE;
-use crate::robot::{ActingRobot, GROUP_ACTING, GROUP_SCENE, GROUP_STATIC, insert_static_robot};
+use crate::robot::{ActingRobot, GROUP_ACTING, GROUP_GRAIN, GROUP_SCENE, GROUP_STATIC, insert_static_robot};
 use crate::scene::{ObjectSpec, SceneSpec, TableSpec, WorldSettings};
 use crate::settings::{DT_SECS, integration_parameters};
 use crate::share::ProprioceptiveState;
@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use rapier3d::glamx::{Mat3, Vec3};
 use rapier3d::prelude::*;
 use serde::Serialize;
-use sfg_geometry::Piece;
+use sfg_geometry::{Piece, Touches};
 use sfg_kinematics::RobotModel;
 use sfg_types::{HandSide, Pose as Pose64, RobotCommand};
 
@@ -337,8 +337,17 @@ impl World {
     }
 }
 
-fn scene_groups() -> InteractionGroups {
-    InteractionGroups::new(GROUP_SCENE, GROUP_ACTING | GROUP_STATIC | GROUP_SCENE, InteractionTestMode::And)
+fn scene_groups(touches: Touches) -> InteractionGroups {
+    let touched = match touches {
+        Touches::Everything => GROUP_ACTING | GROUP_STATIC | GROUP_SCENE | GROUP_GRAIN,
+        Touches::AllButGrains => GROUP_ACTING | GROUP_STATIC | GROUP_SCENE,
+        Touches::GrainsOnly => GROUP_GRAIN,
+    };
+    InteractionGroups::new(GROUP_SCENE, touched, InteractionTestMode::And)
+}
+
+fn grain_groups() -> InteractionGroups {
+    InteractionGroups::new(GROUP_GRAIN, GROUP_ACTING | GROUP_STATIC | GROUP_SCENE | GROUP_GRAIN, InteractionTestMode::And)
 }
 
 fn insert_table(physics: &mut PhysicsWorld, table: &TableSpec, settings: &WorldSettings) {
@@ -351,7 +360,7 @@ fn insert_table(physics: &mut PhysicsWorld, table: &TableSpec, settings: &WorldS
         ColliderBuilder::cuboid(half(table.x_m), half(table.y_m), half_thickness as f32)
             .friction(settings.pair_friction as f32)
             .friction_combine_rule(FRICTION_RULE)
-            .collision_groups(scene_groups())
+            .collision_groups(scene_groups(Touches::Everything))
             .user_data(Role::Table.encode()),
     );
 }
@@ -391,7 +400,7 @@ fn insert_object(
             .density(0.0)
             .friction(scene.settings.pair_friction as f32)
             .friction_combine_rule(FRICTION_RULE)
-            .collision_groups(scene_groups())
+            .collision_groups(scene_groups(piece.touches))
             .user_data(Role::Object(object_idx, piece_idx).encode());
         let label = spec.instance.parts[piece.part_idx].label.clone();
         pieces.push((physics.insert_collider(collider, Some(body)), label));
@@ -459,7 +468,7 @@ fn insert_grains(
                 .mass(settings.grain_mass_kg as f32)
                 .friction(settings.grain_friction.min(settings.pair_friction) as f32)
                 .friction_combine_rule(FRICTION_RULE)
-                .collision_groups(scene_groups())
+                .collision_groups(grain_groups())
                 .user_data(Role::Grain(grains.len()).encode()),
         );
         grains.push(GrainBody { body, vessel_idx });

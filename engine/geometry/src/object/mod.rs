@@ -2,6 +2,7 @@
 //!
 //! The object frame has +Z up and its origin at the centre of the base footprint: `z = 0` stands on the table.
 
+mod hollow;
 mod instance;
 mod mass;
 mod model;
@@ -10,8 +11,9 @@ mod primitive;
 mod profile;
 mod scanned;
 
+pub use hollow::Hollow;
 pub use instance::{DisplayMesh, Interior, ObjectInstance, Part};
 pub use mass::MassProperties;
 pub use model::{ObjectModel, ObjectParams, PartModel, ScaleRanges, Shape};
-pub use piece::{LabelledPiece, Piece};
+pub use piece::{LabelledPiece, Piece, Touches};
 pub use scanned::ScannedObject;

@@ -57,6 +57,21 @@ pub struct LabelledPiece {
     pub object_from_piece: Pose,
     /// Index into [`super::ObjectInstance::parts`].
     pub part_idx: usize,
+    /// What it collides with.
+    pub touches: Touches,
+}
+
+/// What a piece collides with. A scan that was bored has two sets of pieces: its convex groups, which fill the cavity and give the
+/// outside its true shape, and round walls about the cavity.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Touches {
+    /// All that there is.
+    #[default]
+    Everything,
+    /// Hands, the table, other objects: all but grains.
+    AllButGrains,
+    /// Grains, and nothing else.
+    GrainsOnly,
 }
 
 impl Piece {
@@ -134,7 +149,12 @@ pub(crate) fn pieces_of(primitive: &Primitive, object_from_part: &Pose, part_idx
     }
     Ok(native
         .into_iter()
-        .map(|(piece, part_from_piece)| LabelledPiece { piece, object_from_piece: object_from_part * part_from_piece, part_idx })
+        .map(|(piece, part_from_piece)| LabelledPiece {
+            piece,
+            object_from_piece: object_from_part * part_from_piece,
+            part_idx,
+            touches: Touches::Everything,
+        })
         .collect())
 }
 

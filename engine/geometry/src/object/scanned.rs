@@ -1,7 +1,8 @@
 //! Scans: a closed OBJ mesh, convex OBJ groups and a mass, as an [`ObjectInstance`].
 
+use super::hollow::{self, Hollow};
 use super::instance::{Interior, ObjectInstance, Part, Surface};
-use super::piece::{LabelledPiece, Piece, floor_disk, stave_walls};
+use super::piece::{LabelledPiece, Piece, Touches, floor_disk, stave_walls};
 use crate::GeometryError;
 use crate::mesh::TriMesh;
 use nalgebra::{Point3, Vector3};
@@ -24,6 +25,8 @@ pub struct ScannedObject {
     pub hulls: PathBuf,
     /// Mass.
     pub mass_kg: f64,
+    /// How a closed scan is made a vessel; as it is when absent.
+    pub hollow: Option<Hollow>,
     /// Red, green, blue.
     pub colour: [u8; 3],
 }
@@ -35,23 +38,26 @@ impl ScannedObject {
     /// walls thinner than 3 mm are thickened outwards. Of the convex groups only those outside the wall, such as a handle, are
     /// then kept. Everything else is its convex groups.
     ///
+    /// With [`ScannedObject::hollow`] a closed scan is cut off and bored. Surface, distances and the spread of the mass are those of
+    /// the bored solid. Grains meet round walls of staves and nothing else; everything but grains meets the convex groups, cut at
+    /// the mouth. So a finger or a thing that would reach through the mouth stops there as if it were closed, and grains outside
+    /// pass through what a flat bottle has beyond its round wall.
+    ///
     /// # Errors
-    /// [`GeometryError::Io`] for a missing file, [`GeometryError::BadMesh`] with file and line for text that is no OBJ, and for a
-    /// mesh that is not closed.
+    /// [`GeometryError::Io`] for a missing file, [`GeometryError::BadMesh`] with file and line for text that is no OBJ, for a mesh
+    /// that is not closed, and for a `hollow` that the scan has no room for or that it has already.
     pub fn load(&self) -> Result<ObjectInstance, GeometryError> {
         let mesh = TriMesh::read_obj(&self.mesh)?;
         let groups = TriMesh::read_obj_groups(&self.hulls)?;
         let shift = Pose::from_parts((-base_centre(&mesh).coords).into(), nalgebra::UnitQuaternion::identity());
         let mesh = mesh.transformed(&shift);
         let scan = MeshDistance::new(mesh, &self.mesh)?;
-        let hulls = groups.into_iter().map(|(_, group)| hull_piece(&group.transformed(&shift)));
-        let (pieces, interior) = match fit_vessel(&scan) {
-            None => (hulls.collect(), None),
-            Some(vessel) => {
-                let outside = hulls.filter(|hull| vessel.is_outside(&hull.object_from_piece.translation.vector));
-                let mut pieces = vessel.pieces();
-                pieces.extend(outside);
-                (pieces, Some(vessel.interior()))
+        let groups: Vec<TriMesh> = groups.into_iter().map(|(_, group)| group.transformed(&shift)).collect();
+        let (scan, pieces, interior) = match &self.hollow {
+            Some(hollow) => self.bored(&scan, &groups, hollow)?,
+            None => {
+                let (pieces, interior) = as_scanned(&scan, &groups);
+                (scan, pieces, interior)
             }
         };
         Ok(ObjectInstance::new(
@@ -63,6 +69,38 @@ impl ScannedObject {
             Surface::Mesh(Box::new(scan)),
             self.mass_kg,
         ))
+    }
+
+    fn bored(
+        &self,
+        scan: &MeshDistance,
+        groups: &[TriMesh],
+        hollow: &Hollow,
+    ) -> Result<(MeshDistance, Vec<LabelledPiece>, Option<Interior>), GeometryError> {
+        let bad =
+            |message: String| GeometryError::BadMesh { file: self.mesh.clone(), line: 0, message: format!("hollow: {message}") };
+        if fit_vessel(scan).is_some() {
+            return Err(bad("the scan is hollow already: it holds grains as it is".to_owned()));
+        }
+        let (mesh, vessel) = hollow::bore(scan, hollow).map_err(bad)?;
+        let mut pieces = vessel.pieces(Touches::GrainsOnly);
+        let hulls = groups.iter().filter_map(|group| hollow::cut_hull(group, hollow.mouth_m));
+        pieces.extend(hulls.map(|hull| LabelledPiece { touches: Touches::AllButGrains, ..hull }));
+        Ok((MeshDistance::new(mesh, &self.mesh)?, pieces, Some(vessel.interior())))
+    }
+}
+
+/// Pieces and hollow of a scan that is left as it is.
+fn as_scanned(scan: &MeshDistance, groups: &[TriMesh]) -> (Vec<LabelledPiece>, Option<Interior>) {
+    let hulls = groups.iter().map(|group| hull_piece(&group.vertices));
+    match fit_vessel(scan) {
+        None => (hulls.collect(), None),
+        Some(vessel) => {
+            let outside = hulls.filter(|hull| vessel.is_outside(&hull.object_from_piece.translation.vector));
+            let mut pieces = vessel.pieces(Touches::Everything);
+            pieces.extend(outside);
+            (pieces, Some(vessel.interior()))
+        }
     }
 }
 
@@ -118,23 +156,27 @@ fn base_centre(mesh: &TriMesh) -> Point3<f64> {
     Point3::new((a.x + b.x) / 2.0, (a.y + b.y) / 2.0, low.z)
 }
 
-fn hull_piece(group: &TriMesh) -> LabelledPiece {
-    let sum: Vector3<f64> = group.vertices.iter().map(|v| v.coords).sum();
-    let centroid = sum / group.vertices.len().max(1) as f64;
+/// The hull of `points`, about their middle: single precision collision code is best near its origin.
+pub(super) fn hull_piece(points: &[Point3<f64>]) -> LabelledPiece {
+    let sum: Vector3<f64> = points.iter().map(|v| v.coords).sum();
+    let centroid = sum / points.len().max(1) as f64;
     LabelledPiece {
-        piece: Piece::ConvexHull { points: group.vertices.iter().map(|v| v - centroid).collect() },
+        piece: Piece::ConvexHull { points: points.iter().map(|v| v - centroid).collect() },
         object_from_piece: Pose::translation(centroid.x, centroid.y, centroid.z),
         part_idx: 0,
+        touches: Touches::Everything,
     }
 }
 
-/// The fitted wall of a vessel about the z axis through `axis`.
-struct Vessel {
-    axis: [f64; 2],
-    /// `[radius, height]` inside, on the axis first.
-    inner: Vec<[f64; 2]>,
-    outer: Vec<[f64; 2]>,
-    wall: f64,
+/// The round wall of a vessel about the vertical axis through `axis`.
+pub(super) struct Vessel {
+    pub(super) axis: [f64; 2],
+    /// `[radius, height]` inside, from the floor up.
+    pub(super) inner: Vec<[f64; 2]>,
+    /// The same outside, point for point.
+    pub(super) outer: Vec<[f64; 2]>,
+    pub(super) wall: f64,
+    pub(super) floor_radius: f64,
 }
 
 /// Finds the wall of a hollow that is round and open at the top; `None` for everything else.
@@ -203,7 +245,7 @@ fn fit_vessel(scan: &MeshDistance) -> Option<Vessel> {
     inner.push([q[0] + slope * (high.z - q[1]), high.z]);
     inner.insert(0, [(inner[0][0] - slope_at(&inner) * (inner[0][1] - floor)).max(0.3 * inner[0][0]), floor]);
     let outer: Vec<[f64; 2]> = offset_outwards(&inner, wall);
-    Some(Vessel { axis, inner, outer, wall })
+    Some(Vessel { axis, floor_radius: outer[0][0], inner, outer, wall })
 }
 
 fn slope_at(inner: &[[f64; 2]]) -> f64 {
@@ -211,7 +253,7 @@ fn slope_at(inner: &[[f64; 2]]) -> f64 {
 }
 
 /// Every point moved outwards by the wall along the mean normal of its neighbours.
-fn offset_outwards(inner: &[[f64; 2]], wall: f64) -> Vec<[f64; 2]> {
+pub(super) fn offset_outwards(inner: &[[f64; 2]], wall: f64) -> Vec<[f64; 2]> {
     (0..inner.len())
         .map(|i| {
             let (p, q) = (inner[i.saturating_sub(1)], inner[(i + 1).min(inner.len() - 1)]);
@@ -242,9 +284,9 @@ fn wall_along(scan: &MeshDistance, start: &Point3<f64>, direction: &Vector3<f64>
 }
 
 impl Vessel {
-    fn pieces(&self) -> Vec<LabelledPiece> {
+    fn pieces(&self, touches: Touches) -> Vec<LabelledPiece> {
         let floor = self.inner[0][1];
-        let mut pieces = vec![floor_disk(self.outer[0][0], floor - self.wall, floor)];
+        let mut pieces = vec![floor_disk(self.floor_radius, floor - self.wall, floor)];
         pieces.extend(stave_walls(&self.outer, self.wall));
         pieces
             .into_iter()
@@ -252,6 +294,7 @@ impl Vessel {
                 piece,
                 object_from_piece: Pose::translation(self.axis[0], self.axis[1], 0.0) * pose,
                 part_idx: 0,
+                touches,
             })
             .collect()
     }

@@ -98,12 +98,12 @@ struct Touch {
     gap_m: f64,
 }
 
-/// The nearest contact of one hand collider with any piece of the object; the normal points out of the object.
+/// The nearest contact of one hand collider with any piece of the object that it can touch; the normal points out of the object.
 fn nearest_touch(bodies: &Bodies, object_idx: usize, hand: ColliderHandle) -> Option<Touch> {
     let colliders = &bodies.physics.colliders;
     let hand = &colliders[hand];
     let mut best: Option<Touch> = None;
-    for (piece, part) in &bodies.objects[object_idx].pieces {
+    for (piece, part) in bodies.objects[object_idx].tangible_pieces() {
         let piece = &colliders[*piece];
         let found = query::contact(piece.position(), piece.shape(), hand.position(), hand.shape(), CONTACT_WITHIN_M as f32);
         let Ok(Some(contact)) = found else { continue };

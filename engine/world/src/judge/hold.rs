@@ -22,7 +22,7 @@ pub(crate) struct HoldSample {
     pub(crate) stamp_secs: f64,
     /// Lowest point of the object above the table top, metres.
     pub(crate) clearance_m: f64,
-    /// Rise of the object's centre above its rest pose, metres.
+    /// Rise of the object's centre above where it last rested untouched, metres.
     pub(crate) rise_m: f64,
     /// The acting hand touches it.
     pub(crate) touched_by_hand: bool,
@@ -88,12 +88,21 @@ pub(crate) struct HoldTracker {
     pub(crate) longest_secs: f64,
     /// Largest rise of the centre while held, metres.
     pub(crate) max_rise_m: f64,
+    /// Height of the centre when it last rested untouched, metres.
+    pub(crate) rest_m: Option<f64>,
     untouched_since_secs: Option<f64>,
 }
 
 impl Default for HoldTracker {
     fn default() -> Self {
-        Self { phase: HoldPhase::Supported, latest: None, longest_secs: 0.0, max_rise_m: 0.0, untouched_since_secs: None }
+        Self {
+            phase: HoldPhase::Supported,
+            latest: None,
+            longest_secs: 0.0,
+            max_rise_m: 0.0,
+            rest_m: None,
+            untouched_since_secs: None,
+        }
     }
 }
 

@@ -19,6 +19,8 @@ pub enum Invariant {
     Joint,
     /// Every collider stays on the body it was made for.
     Parent,
+    /// Every collider touches what it was made to touch.
+    Groups,
     /// Friction of every pair is at most [`MAX_PAIR_FRICTION`].
     Friction,
     /// Objects and grains have no linear or angular damping.
@@ -78,7 +80,7 @@ fn state(body: &RigidBody) -> State {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Guard {
     protected: Vec<Protected>,
-    colliders: Vec<(ColliderHandle, Option<RigidBodyHandle>)>,
+    colliders: Vec<(ColliderHandle, Option<RigidBodyHandle>, InteractionGroups)>,
     motors: Vec<MotorCap>,
     states: Vec<State>,
     max_tension_nm: f64,
@@ -86,7 +88,8 @@ pub(crate) struct Guard {
 
 impl Guard {
     pub(crate) fn record(physics: &PhysicsWorld, protected: Vec<Protected>, motors: Vec<MotorCap>, max_tension_nm: f64) -> Self {
-        let colliders = physics.colliders.iter().map(|(handle, collider)| (handle, collider.parent())).collect();
+        let colliders =
+            physics.colliders.iter().map(|(handle, collider)| (handle, collider.parent(), collider.collision_groups())).collect();
         let mut guard = Self { protected, colliders, motors, states: Vec::new(), max_tension_nm };
         guard.note_states(physics);
         guard
@@ -119,13 +122,16 @@ impl Guard {
             let detail = format!("{} colliders instead of {}", physics.colliders.len(), self.colliders.len());
             return broken(Invariant::Parent, detail);
         }
-        for (handle, parent) in &self.colliders {
+        for (handle, parent, groups) in &self.colliders {
             match physics.colliders.get(*handle) {
                 Some(collider) if collider.parent() == *parent => {
                     let rule = collider.friction_combine_rule();
                     if collider.friction() > MAX_PAIR_FRICTION || rule != CoefficientCombineRule::Min {
                         let detail = format!("a collider has friction {} with rule {rule:?}", collider.friction());
                         return broken(Invariant::Friction, detail);
+                    }
+                    if collider.collision_groups() != *groups || collider.is_sensor() || !collider.is_enabled() {
+                        return broken(Invariant::Groups, "a collider no longer touches what it was made to touch".to_owned());
                     }
                 }
                 _ => return broken(Invariant::Parent, "a collider has left its body".to_owned()),

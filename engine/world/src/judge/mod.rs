@@ -14,6 +14,8 @@ mod evaluate;
 mod grain_tests;
 mod grasp;
 mod hold;
+#[cfg(test)]
+mod hollow_tests;
 mod invariant;
 mod predicate;
 mod recognise;
@@ -79,15 +81,19 @@ impl Judge {
                 }
             }
             let tracker = &mut self.trackers[object_idx];
+            let object = &bodies.objects[object_idx];
             if !touched_by_hand && tracker.phase == HoldPhase::Supported {
+                // A thing that was knocked over is raised from where it lies.
+                if supported {
+                    tracker.rest_m = Some(bodies.centre(object.body).z);
+                }
                 continue;
             }
             let robot = truth.get_or_insert_with(&robot);
-            let object = &bodies.objects[object_idx];
             let sample = HoldSample {
                 stamp_secs,
                 clearance_m: bodies.clearance_m(object_idx),
-                rise_m: bodies.centre(object.body).z - object.rest_centre.z,
+                rise_m: bodies.centre(object.body).z - tracker.rest_m.unwrap_or(object.rest_centre.z),
                 touched_by_hand,
                 supported,
                 palm_from_object: robot.base_from_palm.inverse() * bodies.pose(object.body),

@@ -81,6 +81,19 @@ fn a_collider_on_another_body_is_noticed() {
 }
 
 #[test]
+fn a_collider_that_touches_something_else_is_noticed() {
+    let with = |change: fn(&mut Collider)| {
+        move |bodies: &mut Bodies| {
+            let piece = bodies.objects[0].pieces[0].0;
+            change(&mut bodies.physics.colliders[piece]);
+        }
+    };
+    check(with(|piece| piece.set_collision_groups(InteractionGroups::none())), Some(Invariant::Groups));
+    check(with(|piece| piece.set_sensor(true)), Some(Invariant::Groups));
+    check(with(|piece| piece.set_enabled(false)), Some(Invariant::Groups));
+}
+
+#[test]
 fn too_much_friction_is_noticed() {
     let glue = |bodies: &mut Bodies| {
         let piece = bodies.objects[0].pieces[0].0;
