@@ -6,7 +6,7 @@ use sfg_plugin::{GraspPolicy, Grounder, LlmBackend, PoseGenerator};
 use sfg_synergy::SynergySpace;
 use sfg_tree::Failure;
 use sfg_types::{
-    AffordanceMask, FailureReason, FunctionalityAnswer, Instruction, Observation, PalmPoseCandidate, Pose, Selection,
+    AffordanceMask, FailureReason, FunctionalityAnswer, Instruction, Observation, PalmPoseCandidate, Point, Pose, Selection,
     StageRecord, TaskKeyPoint,
 };
 use sha2::{Digest as _, Sha256};
@@ -58,6 +58,8 @@ pub struct Kept {
     pub selection: Option<Arc<Selection>>,
     /// The language backend's answer.
     pub answer: Option<FunctionalityAnswer>,
+    /// Where the thing to hold was seen when it was last chosen.
+    pub object_in_base: Option<Point>,
     /// Latest observation during the task.
     pub last_observation: Option<Arc<Observation>>,
     /// Measured palm pose when the hand had closed.

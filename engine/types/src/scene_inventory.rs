@@ -5,11 +5,13 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 /// Coarse shape of a cluster, from its points alone.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ShapeClass {
     /// Round cross-section, clearly taller than wide: bottles, cans, glasses.
     UprightCylinder,
+    /// Oval or flat cross-section without sharp edges, taller than wide: detergent bottles, flasks.
+    UprightOval,
     /// Round and open or flat, wider than tall: bowls, plates, pots.
     WideRound,
     /// Flat faces meeting at right angles.

@@ -161,7 +161,7 @@ impl Job<'_> {
         // What holds a round thing at one place holds it at the others: styles are chosen at a few places first.
         let mut scored: Vec<Scored> = Vec::new();
         let mut of_style: BTreeMap<usize, f64> = BTreeMap::new();
-        for proposal in proposals.iter().filter(|p| is_probe(p)) {
+        for proposal in proposals.iter().filter(|p| p.is_probe) {
             if let Some(found) = self.try_pose(proposal, rule, open) {
                 let best = of_style.entry(proposal.style).or_insert(0.0);
                 *best = best.max(found.stability());
@@ -171,14 +171,14 @@ impl Job<'_> {
         let mut styles: Vec<(usize, f64)> = of_style.into_iter().collect();
         styles.sort_by(|a, b| b.1.total_cmp(&a.1));
         styles.truncate(N_STYLES);
-        let chosen = |p: &&Proposal| !is_probe(p) && styles.iter().any(|(style, _)| *style == p.style);
+        let chosen = |p: &&Proposal| !p.is_probe && styles.iter().any(|(style, _)| *style == p.style);
         scored.extend(proposals.iter().filter(chosen).filter_map(|p| self.try_pose(p, rule, open)));
         scored.sort_by(|a, b| b.stability().total_cmp(&a.stability()));
         let mut best: Vec<Scored> = ranking::diverse(&scored, n_wanted).into_iter().map(|i| scored[i].clone()).collect();
         for candidate in best.iter_mut().take(self.settings.n_exact) {
             candidate.margin_weights = wrench_margin(&points(candidate), &self.load);
         }
-        best.retain(|candidate| candidate.margin_weights > 0.0);
+        best.retain(Scored::may_hold);
         best.sort_by(|a, b| b.stability().total_cmp(&a.stability()));
         best
     }
@@ -207,17 +207,21 @@ impl Job<'_> {
         if closed.contacts.len() < 2 {
             return None;
         }
-        let wanted = Wanted { hand: self.hand, grasp_type: request.grasp_type, key_point: request.key_point.point_in_base };
+        let wanted = Wanted {
+            hand: self.hand,
+            grasp_type: request.grasp_type,
+            key_point: request.key_point.point_in_base,
+            table_height_m: request.table_height_m,
+            friction: self.settings.friction,
+        };
         let radius_m = self.object.part.shape.radius_near_m(&proposal.facing);
         let terms = ranking::terms(&closed, &proposal.base_from_palm, &proposal.facing, radius_m, &wanted);
         let contacts: Vec<Contact> = closed.contacts.iter().map(|c| c.contact).collect();
         let margin_weights = self.bound.evaluate(&contacts, &self.load);
-        (margin_weights > 0.0).then_some(Scored {
-            base_from_palm: proposal.base_from_palm,
-            contacts: closed.contacts,
-            margin_weights,
-            terms,
-        })
+        let is_wrap = is_power && !rule.from_above;
+        let scored =
+            Scored { base_from_palm: proposal.base_from_palm, contacts: closed.contacts, margin_weights, is_wrap, terms };
+        scored.may_hold().then_some(scored)
     }
 
     fn standoffs(&self) -> (f64, f64) {
@@ -286,11 +290,6 @@ impl Job<'_> {
         balls.sort_by(|a, b| b.radius_m.total_cmp(&a.radius_m));
         balls
     }
-}
-
-/// Places at which every style is tried: three around a round thing, two along a lying one, two faces of a box.
-fn is_probe(proposal: &Proposal) -> bool {
-    proposal.place.is_multiple_of(12) || proposal.place == 3
 }
 
 fn points(scored: &Scored) -> Vec<Contact> {

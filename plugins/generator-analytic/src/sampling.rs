@@ -3,11 +3,14 @@
 use crate::field::Field;
 use crate::shape::Shape;
 use nalgebra::{Matrix3, Rotation3, Unit, UnitQuaternion};
+use sfg_geometry::Oval;
 use sfg_types::{HandSide, Opposition, Point, Pose, Vector};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 /// Steps of a full turn: 15 degrees.
 const N_AZIMUTHS: usize = 24;
+/// The same around an oval thing, which is approached square to its surface.
+const N_OVAL_AZIMUTHS: usize = 4;
 /// Downward tilts of a side approach to an upright thing, radians. More tilt brings the knuckles near the table.
 const PITCHES_RAD: [f64; 2] = [0.0, 0.35];
 /// Positions along the axis, from the one nearest to the key point, metres.
@@ -41,8 +44,9 @@ pub struct Proposal {
     pub facing: Point,
     /// Number of its way of grasping: tilt, roll, skew, offset, stand-off.
     pub style: usize,
-    /// Number of its place around or along the part. Proposals of one style hold a round thing alike at every place.
-    pub place: usize,
+    /// Its place is one of the few at which every style is tried: three around a round thing, the four faces of an oval one, two along
+    /// a lying one, two faces of a box. What holds a thing at one place holds it at the others.
+    pub is_probe: bool,
 }
 
 /// A line through the part with the directions from which a palm may come.
@@ -51,8 +55,26 @@ struct Axis {
     direction: Vector,
     /// How far the part reaches from `origin` along `direction`, metres.
     range_m: (f64, f64),
-    /// Azimuth of one face of a box, which is approached square to its faces only; `None` for round things.
-    face_azimuth_rad: Option<f64>,
+    /// What lies around it.
+    section: Section,
+}
+
+/// A cross-section of the part.
+enum Section {
+    /// Any azimuth is as good as any other.
+    Round,
+    /// Form and mean radius, metres.
+    Oval(Oval, f64),
+    /// Azimuth of one face; a box is approached square to its faces only.
+    Box(f64),
+}
+
+/// A level direction of approach.
+struct SideApproach {
+    level: Vector,
+    /// From the axis to the line along which the palm comes, metres.
+    offset: Vector,
+    is_probe: bool,
 }
 
 /// All palm poses for `shape` near `key_point`, in an order that a mirrored scene with the other hand repeats.
@@ -63,7 +85,7 @@ pub fn proposals(shape: &Shape, field: &Field, key_point: &Point, rule: &PalmRul
         HandSide::Right => -1.0,
     };
     let mut out = Vec::with_capacity(1024);
-    let mut add = |towards: Point, approach: Vector, y: Vector, place: usize, style: usize, standoffs_m: &[f64]| {
+    let mut add = |towards: Point, approach: Vector, y: Vector, is_probe: bool, style: usize, standoffs_m: &[f64]| {
         let Some(facing) = surface_along(field, &towards, &approach) else { return };
         let z = approach;
         let level_y = (y - z * y.dot(&z)).normalize();
@@ -77,7 +99,12 @@ pub fn proposals(shape: &Shape, field: &Field, key_point: &Point, rule: &PalmRul
             for standoff_m in standoffs_m {
                 for [centre_x, centre_y] in &rule.centres_m {
                     let origin = facing - z * *standoff_m - x * *centre_x - y * *centre_y;
-                    out.push(Proposal { base_from_palm: Pose::from_parts(origin.coords.into(), rotation), facing, style, place });
+                    out.push(Proposal {
+                        base_from_palm: Pose::from_parts(origin.coords.into(), rotation),
+                        facing,
+                        style,
+                        is_probe,
+                    });
                     style += 1;
                 }
             }
@@ -94,12 +121,13 @@ pub fn proposals(shape: &Shape, field: &Field, key_point: &Point, rule: &PalmRul
                 continue;
             }
             let towards = axis.origin + axis.direction * along_m;
+            let is_along_probe = along_idx == 0 || along_idx == 3;
             if upright {
                 // Nothing is under an upright thing's side, so a power grasp need not keep away from it.
                 let standoffs_m = if rule.opposition == Opposition::Palm { &rule.standoffs_m[..1] } else { &rule.standoffs_m };
                 let is_power = rule.opposition == Opposition::Palm;
                 let pitches_rad: &[f64] = if is_power { &PITCHES_RAD } else { &[0.0, FRAC_PI_4] };
-                for (place, level) in side_approaches(&axis, mirror).into_iter().enumerate() {
+                for SideApproach { level, offset, is_probe } in side_approaches(&axis.section, mirror) {
                     // The thumb up first (the left thumb is at +Y, the right one at -Y); pads may also close across.
                     let across = Vector::z().cross(&level);
                     let rolls = [Vector::z() * mirror, -Vector::z() * mirror, across, -across];
@@ -107,16 +135,23 @@ pub fn proposals(shape: &Shape, field: &Field, key_point: &Point, rule: &PalmRul
                         let approach = level * pitch.cos() - Vector::z() * pitch.sin();
                         for (roll_idx, roll) in rolls.iter().take(if is_power { 2 } else { 4 }).enumerate() {
                             let style = first_style + (along_idx * pitches_rad.len() + pitch_idx) * rolls.len() + roll_idx;
-                            add(towards, approach, *roll, place, style, standoffs_m);
+                            add(towards + offset, approach, *roll, is_probe, style, standoffs_m);
                         }
                     }
                 }
             } else if rule.opposition == Opposition::Palm {
-                let turns: &[f64] = if axis.face_azimuth_rad.is_some() { &LYING_RAD[..1] } else { &LYING_RAD };
+                let turns: &[f64] = if matches!(axis.section, Section::Box(_)) { &LYING_RAD[..1] } else { &LYING_RAD };
                 for (turn_idx, turn) in turns.iter().enumerate() {
                     for (roll_idx, roll) in [1.0, -1.0].into_iter().enumerate() {
                         let y = axis.direction * (roll * mirror);
-                        add(towards, about_axis(*turn), y, along_idx, first_style + 2 * turn_idx + roll_idx, &rule.standoffs_m);
+                        add(
+                            towards,
+                            about_axis(*turn),
+                            y,
+                            is_along_probe,
+                            first_style + 2 * turn_idx + roll_idx,
+                            &rule.standoffs_m,
+                        );
                     }
                 }
             } else {
@@ -125,7 +160,7 @@ pub fn proposals(shape: &Shape, field: &Field, key_point: &Point, rule: &PalmRul
                     for (roll_idx, roll) in [0.0, 0.26, -0.26, PI, PI + 0.26, PI - 0.26].into_iter().enumerate() {
                         let spin = UnitQuaternion::from_axis_angle(&Unit::new_normalize(approach), roll * mirror);
                         let y = spin * axis.direction * mirror;
-                        add(towards, approach, y, along_idx, first_style + 6 * turn_idx + roll_idx, &rule.standoffs_m);
+                        add(towards, approach, y, is_along_probe, first_style + 6 * turn_idx + roll_idx, &rule.standoffs_m);
                     }
                 }
             }
@@ -135,10 +170,10 @@ pub fn proposals(shape: &Shape, field: &Field, key_point: &Point, rule: &PalmRul
             for place in 0..N_AZIMUTHS {
                 let yaw = mirror * 2.0 * PI * place as f64 / N_AZIMUTHS as f64;
                 let y = Vector::new(yaw.cos(), yaw.sin(), 0.0) * mirror;
-                add(axis.origin, -Vector::z(), y, place, first_style, &rule.standoffs_m);
+                add(axis.origin, -Vector::z(), y, is_around_probe(place), first_style, &rule.standoffs_m);
                 if rule.from_above {
                     let tilted = UnitQuaternion::from_axis_angle(&Unit::new_normalize(y), -0.52) * -Vector::z();
-                    add(axis.origin, tilted, y, place, first_style + 1, &rule.standoffs_m);
+                    add(axis.origin, tilted, y, is_around_probe(place), first_style + 1, &rule.standoffs_m);
                 }
             }
         }
@@ -148,34 +183,56 @@ pub fn proposals(shape: &Shape, field: &Field, key_point: &Point, rule: &PalmRul
 }
 
 /// Level directions towards an upright axis.
-fn side_approaches(axis: &Axis, mirror: f64) -> Vec<Vector> {
-    let n = if axis.face_azimuth_rad.is_some() { 4 } else { N_AZIMUTHS };
-    let first = axis.face_azimuth_rad.unwrap_or(0.0);
-    let direction = |i: usize| {
-        let azimuth = first + mirror * 2.0 * PI * i as f64 / n as f64;
-        Vector::new(azimuth.cos(), azimuth.sin(), 0.0)
+fn side_approaches(section: &Section, mirror: f64) -> Vec<SideApproach> {
+    let (n, first_rad) = match section {
+        Section::Round => (N_AZIMUTHS, 0.0),
+        Section::Oval(oval, _) => (N_OVAL_AZIMUTHS, nearest_ahead(oval.yaw_rad(), PI)),
+        Section::Box(face_azimuth_rad) => (4, *face_azimuth_rad),
     };
-    (0..n).map(direction).collect()
+    let approach = |place: usize| {
+        let azimuth = first_rad + mirror * 2.0 * PI * place as f64 / n as f64;
+        let level = Vector::new(azimuth.cos(), azimuth.sin(), 0.0);
+        // The flank that faces the palm, not the axis, is what the palm comes to.
+        let (offset, is_probe) = match section {
+            Section::Round => (Vector::zeros(), is_around_probe(place)),
+            Section::Oval(oval, radius_m) => {
+                let flank = oval.support(&-level.xy()) * *radius_m;
+                (Vector::new(flank.x, flank.y, 0.0), place.is_multiple_of(N_OVAL_AZIMUTHS / 4))
+            }
+            Section::Box(_) => (Vector::zeros(), place == 0 || place == 3),
+        };
+        SideApproach { level, offset, is_probe }
+    };
+    (0..n).map(approach).collect()
+}
+
+/// Three places around a full turn.
+fn is_around_probe(place: usize) -> bool {
+    place.is_multiple_of(N_AZIMUTHS / 2) || place == 3
+}
+
+/// Of the azimuths that differ from `yaw_rad` by multiples of `step_rad` the one nearest to straight ahead.
+fn nearest_ahead(yaw_rad: f64, step_rad: f64) -> f64 {
+    yaw_rad - (yaw_rad / step_rad).round() * step_rad
 }
 
 fn axes(shape: &Shape, key_point: &Point) -> Vec<Axis> {
     match shape {
-        Shape::Revolution { origin, axis, from_m, to_m, .. } => {
+        Shape::Revolution { origin, axis, oval, from_m, to_m, .. } => {
             let along = (key_point - origin).dot(axis).clamp(*from_m, *to_m);
             let direction = axis.into_inner();
             vec![Axis {
                 origin: origin + direction * along,
                 direction,
                 range_m: (from_m - along, to_m - along),
-                face_azimuth_rad: None,
+                section: if oval.aspect > 1.0 { Section::Oval(*oval, shape.mean_radius_m(key_point)) } else { Section::Round },
             }]
         }
         Shape::Cuboid { base_from_box, half_m } => {
             let centre = base_from_box * Point::origin();
             let x = base_from_box.rotation * Vector::x();
             let yaw = x.y.atan2(x.x);
-            // Of the four faces the one that is approached most nearly straight ahead.
-            let face_azimuth = yaw - (yaw / FRAC_PI_2).round() * FRAC_PI_2;
+            let face_azimuth = nearest_ahead(yaw, FRAC_PI_2);
             (0..3)
                 .map(|i| {
                     let direction = base_from_box.rotation * Vector::ith(i, 1.0);
@@ -184,7 +241,7 @@ fn axes(shape: &Shape, key_point: &Point) -> Vec<Axis> {
                         origin: centre + direction * along,
                         direction,
                         range_m: (-half_m[i] - along, half_m[i] - along),
-                        face_azimuth_rad: Some(face_azimuth),
+                        section: Section::Box(face_azimuth),
                     }
                 })
                 .collect()

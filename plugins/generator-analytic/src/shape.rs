@@ -1,6 +1,8 @@
-//! Fits a solid of revolution or a box to a half-seen surface; the fit stands in for the side that no camera saw.
+//! Fits a solid of revolution, one of oval cross-section or a box to a half-seen surface; the fit stands in for the side that no camera
+//! saw.
 
 use nalgebra::{Matrix3, SymmetricEigen, Unit, UnitQuaternion, Vector2};
+use sfg_geometry::{Oval, fit_ellipse};
 use sfg_types::{Point, Pose, Vector};
 
 /// Normals that lean this much along the axis belong to an end of a solid of revolution: sine of 37 degrees.
@@ -19,6 +21,8 @@ const AXIS_PREFERENCE_M: f64 = 0.001;
 const MIN_NORMAL_VARIANCE: f64 = 0.06;
 /// Something whose lowest seen point is this close to the table stands or lies on it, metres.
 const ON_TABLE_M: f64 = 0.04;
+/// Rounder things are round, flatter ones are boards.
+const OVAL_ASPECTS: std::ops::Range<f64> = 1.1..3.0;
 /// Fewest samples of a fit.
 const MIN_SAMPLES: usize = 12;
 
@@ -40,11 +44,13 @@ pub enum Shape {
         origin: Point,
         /// Direction of the axis.
         axis: Unit<Vector>,
+        /// Form of the cross-section; round unless the axis is upright.
+        oval: Oval,
         /// Where the profile begins along the axis, measured from `origin`, metres.
         from_m: f64,
         /// Where it ends, metres.
         to_m: f64,
-        /// Radii at steps of `PROFILE_STEP_M`, metres; at least one.
+        /// Radii at steps of `PROFILE_STEP_M`, metres; at least one. Of ovals the mean radius.
         radii_m: Vec<f64>,
     },
     /// A box about its centre.
@@ -70,11 +76,15 @@ impl Shape {
     #[must_use]
     pub fn distance(&self, point: &Point) -> f64 {
         match self {
-            Self::Revolution { origin, axis, from_m, to_m, radii_m } => {
+            Self::Revolution { origin, axis, oval, from_m, to_m, radii_m } => {
                 let offset = point - origin;
                 let along = offset.dot(axis);
-                let across = (offset - axis.into_inner() * along).norm();
-                let side = across - radius_at(*from_m, radii_m, along);
+                let radius_m = radius_at(*from_m, radii_m, along);
+                let side = if oval.aspect > 1.0 {
+                    oval.distance_m(&offset.xy(), radius_m)
+                } else {
+                    (offset - axis.into_inner() * along).norm() - radius_m
+                };
                 let end = (from_m - along).max(along - to_m);
                 outside_corner(side, end)
             }
@@ -99,12 +109,22 @@ impl Shape {
         }
     }
 
-    /// Radius (half width for a box) where the shape is nearest to `point`, metres.
+    /// Radius (geometric mean of an oval, half the smaller width of a box) at the height of `point`, metres.
     #[must_use]
-    pub fn radius_near_m(&self, point: &Point) -> f64 {
+    pub fn mean_radius_m(&self, point: &Point) -> f64 {
         match self {
             Self::Revolution { origin, axis, from_m, radii_m, .. } => radius_at(*from_m, radii_m, (point - origin).dot(axis)),
             Self::Cuboid { half_m, .. } => half_m.xy().min(),
+        }
+    }
+
+    /// Radius (half the smaller width for an oval or a box) where the shape is nearest to `point`, metres.
+    #[must_use]
+    pub fn radius_near_m(&self, point: &Point) -> f64 {
+        let mean_m = self.mean_radius_m(point);
+        match self {
+            Self::Revolution { oval, .. } => oval.half_axes_m(mean_m)[1],
+            Self::Cuboid { .. } => mean_m,
         }
     }
 }
@@ -135,15 +155,17 @@ pub fn fit_near(samples: &[Sample], near: &Point, table_height_m: f64) -> Option
     best
 }
 
-/// The better of a revolution and a box.
+/// The best of a solid of revolution, an upright one of oval cross-section and a box.
 #[must_use]
 pub fn fit(samples: &[Sample], table_height_m: f64) -> Option<Fit> {
     if samples.len() < MIN_SAMPLES {
         return None;
     }
     let mut best: Option<Fit> = None;
-    for axis in axis_candidates(samples) {
-        let Some(candidate) = fit_revolution(samples, axis, table_height_m) else { continue };
+    let round = axis_candidates(samples).map(|axis| Some((axis, Oval::ROUND)));
+    let oval = oval_form(samples).map(|oval| (Vector::z_axis(), oval));
+    for (axis, oval) in round.into_iter().chain([oval]).flatten() {
+        let Some(candidate) = fit_revolution(samples, axis, oval, table_height_m) else { continue };
         if best.as_ref().is_none_or(|b| candidate.rms_m < b.rms_m - AXIS_PREFERENCE_M) {
             best = Some(candidate);
         }
@@ -153,6 +175,13 @@ pub fn fit(samples: &[Sample], table_height_m: f64) -> Option<Fit> {
         best = Some(cuboid);
     }
     best
+}
+
+/// The form of an upright thing's outline, when it is oval.
+fn oval_form(samples: &[Sample]) -> Option<Oval> {
+    let outline: Vec<Vector2<f64>> =
+        samples.iter().filter(|s| s.normal.z.abs() < MAX_SIDE_SLOPE).map(|s| s.point.coords.xy()).collect();
+    fit_ellipse(&outline).map(|(_, oval, _)| oval).filter(|oval| OVAL_ASPECTS.contains(&oval.aspect))
 }
 
 /// Upright first, then the direction that no normal points along, then the longest extent.
@@ -179,15 +208,22 @@ fn towards_plus(direction: Vector) -> Unit<Vector> {
     Unit::new_normalize(if flip { -direction } else { direction })
 }
 
-/// Centre and radius from `p = c + r n` across the axis, which is exact on cylinders and on spheres; then the profile.
-fn fit_revolution(samples: &[Sample], axis: Unit<Vector>, table_height_m: f64) -> Option<Fit> {
+/// Centre and radius from `p = c + r n` across the axis, which is exact on cylinders and on spheres; then the profile. An oval is squeezed
+/// round first.
+fn fit_revolution(samples: &[Sample], axis: Unit<Vector>, oval: Oval, table_height_m: f64) -> Option<Fit> {
     let e1 = if axis.z.abs() > 0.9 { Vector::x() } else { Vector::z().cross(&axis).normalize() };
     let e1 = (e1 - axis.into_inner() * e1.dot(&axis)).normalize();
     let e2 = axis.cross(&e1);
-    let flat = |v: &Vector| Vector2::new(v.dot(&e1), v.dot(&e2));
+    let (squeeze, stretch) = (oval.squeeze(), oval.stretch());
+    let flat = |v: &Vector| squeeze * Vector2::new(v.dot(&e1), v.dot(&e2));
+    let flat_normal = |n: &Vector| {
+        let across = Vector2::new(n.dot(&e1), n.dot(&e2));
+        let turned = stretch * across;
+        turned * (across.norm() / turned.norm().max(1e-9))
+    };
     let mut side: Vec<(Vector2<f64>, Vector2<f64>, f64)> = samples
         .iter()
-        .map(|s| (flat(&s.point.coords), flat(&s.normal), s.point.coords.dot(&axis)))
+        .map(|s| (flat(&s.point.coords), flat_normal(&s.normal), s.point.coords.dot(&axis)))
         .filter(|(_, m, _)| m.norm() > 0.5)
         .collect();
     if side.len() < MIN_SAMPLES || side.len() * 5 < samples.len() * 2 {
@@ -225,21 +261,30 @@ fn fit_revolution(samples: &[Sample], axis: Unit<Vector>, table_height_m: f64) -
     if axis.z > 0.9 && from_m - table_height_m < ON_TABLE_M {
         from_m = table_height_m.min(from_m);
     }
-    let origin = Point::from(e1 * centre.x + e2 * centre.y);
-    let radii_m = profile(samples, &origin, axis, from_m, to_m, radius_m);
+    let centre_in_base = stretch * centre;
+    let origin = Point::from(e1 * centre_in_base.x + e2 * centre_in_base.y);
+    let radii_m = profile(samples, &origin, axis, &oval, from_m, to_m, radius_m);
     // A face of a box lies near some circle; its normals do not. They count as the offset that their error makes.
     let turned = |s: &(Vector2<f64>, Vector2<f64>, f64)| {
         let out = s.0 - centre;
         0.5 * radius_at(from_m, &radii_m, s.2) * (out.normalize() - s.1.normalize()).norm()
     };
     let turned_m2 = side.iter().map(|s| turned(s).powi(2)).sum::<f64>() / side.len() as f64;
-    let shape = Shape::Revolution { origin, axis, from_m, to_m, radii_m: radii_m.clone() };
+    let shape = Shape::Revolution { origin, axis, oval, from_m, to_m, radii_m: radii_m.clone() };
     let rms_m = (rms(&shape, samples).powi(2) + turned_m2).sqrt();
     Some(Fit { shape, rms_m })
 }
 
 /// Mean distance from the axis at each step; steps that were not seen take their neighbours' value.
-fn profile(samples: &[Sample], origin: &Point, axis: Unit<Vector>, from_m: f64, to_m: f64, radius_m: f64) -> Vec<f64> {
+fn profile(
+    samples: &[Sample],
+    origin: &Point,
+    axis: Unit<Vector>,
+    oval: &Oval,
+    from_m: f64,
+    to_m: f64,
+    radius_m: f64,
+) -> Vec<f64> {
     let n_steps = (((to_m - from_m) / PROFILE_STEP_M).ceil() as usize).max(1);
     let mut sums = vec![(0.0, 0.0); n_steps];
     for sample in samples {
@@ -251,7 +296,7 @@ fn profile(samples: &[Sample], origin: &Point, axis: Unit<Vector>, from_m: f64, 
             continue;
         }
         let step = (((along - from_m) / PROFILE_STEP_M) as usize).min(n_steps - 1);
-        sums[step].0 += across.norm();
+        sums[step].0 += if oval.aspect > 1.0 { oval.radius_through_m(&offset.xy()) } else { across.norm() };
         sums[step].1 += 1.0;
     }
     let seen: Vec<(usize, f64)> = sums.iter().enumerate().filter(|(_, s)| s.1 > 0.0).map(|(i, s)| (i, s.0 / s.1)).collect();

@@ -17,7 +17,7 @@ fn found(solid: &Solid, kind: GraspType) -> Vec<PalmPoseCandidate> {
     let hand = Hand::load(&profile, HandSide::Left, &scenarios_dir().join("robots")).unwrap();
     let open = hand.balls_at(&vec![0.0; profile.joints.len()]);
     for c in &found {
-        assert!(c.stability > 0.0 && c.stability < 1.0 && term(c, "wrench_margin_weights") > 0.0);
+        assert!(c.stability > 0.0 && c.stability < 1.0 && term(c, "wrench_margin_weights") >= 0.0);
         for ball in &open {
             let centre = c.base_from_palm * Point::from(ball.centre);
             assert!(centre.z - ball.radius_m >= TABLE_M, "the open hand is inside the table at {centre}");
@@ -79,7 +79,41 @@ fn a_bottle_is_wrapped_from_many_sides() {
 /// The fingers end before they are round 78 mm: the margin for half a kilogram at friction 0.5 is thin.
 #[test]
 fn a_thick_bottle_is_wrapped_from_many_sides() {
-    check_bottle(0.039, GraspType::LargeDiameter, 0.2);
+    check_bottle(0.039, GraspType::LargeDiameter, 0.1);
+}
+
+#[test]
+fn flat_bottles_are_wrapped_however_they_are_turned() {
+    for half_m in [[0.040, 0.023], [0.045, 0.027], [0.035, 0.026]] {
+        for yaw_deg in [-70.0_f64, -30.0, 0.0, 40.0, 85.0] {
+            let yaw = yaw_deg.to_radians();
+            let all = found(&flat_bottle(0.7, 0.25, yaw, half_m, 0.2), GraspType::LargeDiameter);
+            assert!(all.len() >= 8, "{half_m:?} at {yaw_deg} deg: {} candidates", all.len());
+            assert!(term(&all[0], "opposition") > 0.5);
+            // Square to one of the four faces, as well as the half-seen outline tells where they are: nearly round ones do not.
+            for c in &all {
+                let z = c.base_from_palm * Vector::z();
+                let turn = ((z.y.atan2(z.x) - yaw) / std::f64::consts::FRAC_PI_2).rem_euclid(1.0);
+                let off_deg = turn.min(1.0 - turn) * 90.0;
+                assert!(
+                    z.xy().norm() < 0.1 || half_m[0] < 1.5 * half_m[1] || off_deg < 25.0,
+                    "{half_m:?} at {yaw_deg} deg: comes at {off_deg:.0} deg to a face"
+                );
+            }
+            assert!(term(&all[0], "steadiness") > 0.3, "{}", term(&all[0], "steadiness"));
+        }
+    }
+}
+
+#[test]
+fn a_lying_bottle_is_wrapped_from_above() {
+    for radius_m in [0.023, 0.030, 0.036] {
+        let z = TABLE_M + radius_m;
+        let lying = cylinder([0.62, 0.15, z].into(), [0.74, 0.28, z].into(), radius_m);
+        let all = found(&lying, GraspType::LargeDiameter);
+        assert!(!all.is_empty(), "{radius_m}");
+        assert!((all[0].base_from_palm * Vector::z()).z < -0.5 && term(&all[0], "opposition") > 0.5);
+    }
 }
 
 #[test]

@@ -21,7 +21,7 @@ use cloud::CloudPoint;
 use nalgebra::{Point3, Vector3};
 use parts::Part;
 use sfg_plugin::{AffordanceQuery, Grounder, PluginContext, PluginError, SelfSphere};
-use sfg_types::{AffordanceMask, ObjectCluster, Observation, Point, RgbdImage, SceneInventory, Vector};
+use sfg_types::{AffordanceMask, ObjectCluster, Observation, Point, RgbdImage, SceneInventory, ShapeClass, Vector};
 use std::collections::HashSet;
 use vocabulary::Vocabulary;
 
@@ -64,7 +64,7 @@ impl GeometricGrounder {
     fn describe(&self, points: &[CloudPoint], bottom_z_m: f32) -> Option<ObjectCluster> {
         let mut positions: Vec<Point3<f32>> = points.iter().map(|point| point.position).collect();
         let shape = shape::measure(&positions, bottom_z_m)?;
-        if shape.lengthwise.is_none() {
+        if shape.class != ShapeClass::Elongated {
             // At the foot of a standing thing, points near the table may be the table's.
             positions.retain(|p| shape::is_raised(p, bottom_z_m));
         }

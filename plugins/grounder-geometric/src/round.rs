@@ -3,11 +3,13 @@
 //! Cut into thin slices, a body of revolution shows arcs around one common axis. Circles through three points of a slice
 //! propose the axis, all slices vote for it with the share of their points that agree on one radius, and Gauss-Newton
 //! refines it over the agreeing points. So the unseen back does not pull the centre towards the cameras, a handle counts as
-//! disagreement only, and the radius may change freely with height (bottles, bowls, glasses, balls).
+//! disagreement only, and the radius may change freely with height (bottles, bowls, glasses, balls). Squeezed along its long
+//! direction, an oval bottle is such a body too.
 
 use nalgebra::{Matrix2, Point3, Vector2};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use sfg_geometry::{Oval, fit_ellipse};
 
 /// Thickness of a slice: thin enough for the 45 degree wall of a bowl.
 pub(crate) const SLICE_M: f32 = 0.008;
@@ -20,6 +22,8 @@ const N_PROPOSALS: usize = 160;
 const N_VOTERS: usize = 900;
 const N_REFINERS: usize = 5000;
 const N_SECTORS: usize = 24;
+/// Rounder things are round, flatter ones are boards.
+const OVAL_ASPECTS: std::ops::Range<f64> = 1.12..2.8;
 /// Slices with fewer points have no radius of their own.
 const MIN_SLICE_POINTS: usize = 12;
 
@@ -28,7 +32,7 @@ const MIN_SLICE_POINTS: usize = 12;
 pub(crate) struct Slice {
     /// Height of its middle, base frame.
     pub(crate) z_m: f32,
-    /// Radius on which most of its points agree.
+    /// Radius on which most of its points agree; of ovals the geometric mean.
     pub(crate) radius_m: f32,
 }
 
@@ -37,6 +41,8 @@ pub(crate) struct Slice {
 pub(crate) struct Revolution {
     /// Axis, base frame.
     pub(crate) centre: [f32; 2],
+    /// Form of the cross-section, the same at every height.
+    pub(crate) oval: Oval,
     /// From the bottom up, empty slices left out.
     pub(crate) slices: Vec<Slice>,
     /// Share of the points that agree with their slice, 0 to 1.
@@ -46,9 +52,10 @@ pub(crate) struct Revolution {
 }
 
 impl Revolution {
-    /// Distance of (x, y) from the axis.
+    /// Distance of (x, y) from the axis; of ovals the mean radius of the one through it.
     pub(crate) fn distance(&self, x: f32, y: f32) -> f32 {
-        (x - self.centre[0]).hypot(y - self.centre[1])
+        let offset = Vector2::new(x - self.centre[0], y - self.centre[1]);
+        if self.oval.aspect <= 1.0 { offset.norm() } else { self.oval.radius_through_m(&offset.cast()) as f32 }
     }
 
     /// Radius at height `z_m`, that of the nearest slice.
@@ -96,6 +103,26 @@ pub(crate) fn fit_revolution(points: &[Point3<f32>], bottom_z_m: f32) -> Option<
     }
     let (_, centre) = best?;
     Some(refine(&thinned(points, N_REFINERS), centre, bottom_z_m, n_slices + 1))
+}
+
+/// The best body of oval cross-section; `None` when its outline is nearly round or too flat for one.
+pub(crate) fn fit_oval(points: &[Point3<f32>], bottom_z_m: f32, top_z_m: f32) -> Option<Revolution> {
+    // Foot, shoulder and cap often have other forms than the body.
+    let band = bottom_z_m + 0.1 * (top_z_m - bottom_z_m)..bottom_z_m + 0.6 * (top_z_m - bottom_z_m);
+    let outline: Vec<Vector2<f64>> =
+        thinned(points, N_REFINERS).iter().filter(|p| band.contains(&p.z)).map(|p| p.xy().coords.cast()).collect();
+    let (_, oval, _) = fit_ellipse(&outline)?;
+    if !OVAL_ASPECTS.contains(&oval.aspect) {
+        return None;
+    }
+    let squeeze = oval.squeeze().cast::<f32>();
+    let squeezed = |p: &Point3<f32>| {
+        let xy = squeeze * p.xy().coords;
+        Point3::new(xy.x, xy.y, p.z)
+    };
+    let round = fit_revolution(&points.iter().map(squeezed).collect::<Vec<_>>(), bottom_z_m)?;
+    let centre = oval.stretch().cast::<f32>() * Vector2::from(round.centre);
+    Some(Revolution { centre: [centre.x, centre.y], oval, ..round })
 }
 
 /// At most about `n` of the points, evenly taken.
@@ -217,7 +244,7 @@ fn refine(points: &[Point3<f32>], mut centre: [f32; 2], bottom_z_m: f32, n_slice
         .filter(|(_, (_, n))| *n >= MIN_SLICE_POINTS)
         .map(|(i, &(radius_m, _))| Slice { z_m: bottom_z_m + (i as f32 + 0.5) * SLICE_M, radius_m })
         .collect();
-    Revolution { centre, slices, support, coverage }
+    Revolution { centre, oval: Oval::ROUND, slices, support, coverage }
 }
 
 /// Mean distance of the points in each slice's band, and how many there are.

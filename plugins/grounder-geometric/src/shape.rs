@@ -1,13 +1,18 @@
 //! The measures of one cluster: upright box, axis of revolution, hollow or not, handle, head.
 
-use crate::round::{Revolution, fit_revolution, thinned};
+use crate::round::{Revolution, fit_oval, fit_revolution, thinned};
 use crate::table::convex_hull;
 use nalgebra::{Matrix4, Point3, Vector4};
+use sfg_geometry::Oval;
 use sfg_types::ShapeClass;
 
 /// A fit is believed when this share of the points agrees, seen over this share of the directions.
 const MIN_ROUND_SUPPORT: f32 = 0.58;
 const MIN_ROUND_COVERAGE: f32 = 0.42;
+/// The top of a bottle is narrower than its body by at least this factor.
+const MAX_NARROW_RATIO: f32 = 0.75;
+/// One form more fits noise a little better; an oval thing is explained much better by an oval.
+const OVAL_GAIN: f32 = 0.85;
 /// Points this far outside the body belong to a handle: four sigmas of the depth noise.
 pub(crate) const HANDLE_GAP_M: f32 = 0.010;
 /// The band below the top that counts as the rim.
@@ -95,7 +100,14 @@ pub(crate) fn measure(all_points: &[Point3<f32>], bottom_z_m: f32) -> Option<Sha
     let height = top_z_m - bottom_z_m;
     let rectangle = min_area_rectangle(points);
     let ball = ball(points, bottom_z_m, height);
-    let round = ball.clone().or_else(|| revolution(points, bottom_z_m, top_z_m, &rectangle));
+    let round = ball.clone().or_else(|| {
+        let round = revolution(points, bottom_z_m, top_z_m, &rectangle);
+        let oval = oval(points, bottom_z_m, top_z_m, &rectangle);
+        match (round, oval) {
+            (Some(round), Some(oval)) if mean_miss_m(points, &oval) < OVAL_GAIN * mean_miss_m(points, &round) => Some(oval),
+            (round, oval) => round.or(oval),
+        }
+    });
     let Some(round) = round else {
         let standing = angular(points, rectangle, bottom_z_m, top_z_m);
         let lies = standing.class != ShapeClass::Box;
@@ -104,13 +116,20 @@ pub(crate) fn measure(all_points: &[Point3<f32>], bottom_z_m: f32) -> Option<Sha
     let hollow = ball.is_none() && is_hollow(points, &round, top_z_m);
     let radius = if hollow { outer_radius(points, &round) } else { round.max_radius_m() };
     let (handle_reach_m, handle_yaw) = if ball.is_some() { (0.0, 0.0) } else { handle(points, &round) };
+    let is_oval = round.oval.aspect > 1.0;
+    let [long, short] = round.oval.half_axes_m(f64::from(2.0 * radius)).map(|side| side as f32);
     let rectangle = Rectangle {
         centre: round.centre,
-        sides_m: [2.0 * radius + handle_reach_m, 2.0 * radius],
-        yaw_rad: if handle_reach_m > 0.0 { half_turn(handle_yaw) } else { 0.0 },
+        sides_m: [long + handle_reach_m, short],
+        yaw_rad: match () {
+            () if handle_reach_m > 0.0 => half_turn(handle_yaw),
+            () if is_oval => round.oval.yaw_rad() as f32,
+            () => 0.0,
+        },
     };
     let class = match () {
         () if ball.is_some() => ShapeClass::Blob,
+        () if is_oval => ShapeClass::UprightOval,
         () if height > 2.0 * radius => ShapeClass::UprightCylinder,
         () => ShapeClass::WideRound,
     };
@@ -134,7 +153,7 @@ fn angular(points: &[Point3<f32>], rectangle: Rectangle, bottom_z_m: f32, top_z_
         () if fill > 0.78 => ShapeClass::Box,
         () => ShapeClass::Blob,
     };
-    let lengthwise = (class == ShapeClass::Elongated).then(|| lengthwise(points, &rectangle));
+    let lengthwise = (lies && class != ShapeClass::Blob).then(|| lengthwise(points, &rectangle));
     Shape { class, rectangle, bottom_z_m, top_z_m, round: None, hollow: false, handle_reach_m: 0.0, lengthwise }
 }
 
@@ -250,7 +269,7 @@ fn ball(points: &[Point3<f32>], bottom_z_m: f32, height: f32) -> Option<Revoluti
             crate::round::Slice { z_m: z, radius_m }
         })
         .collect();
-    Some(Revolution { centre: [centre.x, centre.y], slices, support: 1.0, coverage: 0.5 })
+    Some(Revolution { centre: [centre.x, centre.y], oval: Oval::ROUND, slices, support: 1.0, coverage: 0.5 })
 }
 
 /// The axis of the cluster when it is round rather than angular.
@@ -259,13 +278,40 @@ fn revolution(points: &[Point3<f32>], bottom_z_m: f32, top_z_m: f32, rectangle: 
         return Some(disk);
     }
     let fit = fit_revolution(points, bottom_z_m)?;
-    let round_enough = fit.support > MIN_ROUND_SUPPORT && fit.coverage > MIN_ROUND_COVERAGE;
-    // The sides of a box lie on its rectangle; a flat top lies on neither outline and says nothing.
+    let (on_outline, on_edges) = sides_on(points, &fit, rectangle, top_z_m);
+    (is_round_enough(&fit) && on_outline > on_edges).then_some(fit)
+}
+
+/// The axis of a standing thing with an oval outline: flat bottles.
+fn oval(points: &[Point3<f32>], bottom_z_m: f32, top_z_m: f32, rectangle: &Rectangle) -> Option<Revolution> {
+    if top_z_m - bottom_z_m < rectangle.sides_m[0] {
+        return None;
+    }
+    let fit = fit_oval(points, bottom_z_m, top_z_m)?;
+    let (on_outline, on_edges) = sides_on(points, &fit, rectangle, top_z_m);
+    // Flat sides lie on a rectangle too, but no box is narrower at its top.
+    let narrows = top_radius(&fit, top_z_m) < MAX_NARROW_RATIO * fit.max_radius_m();
+    (is_round_enough(&fit) && (narrows || on_outline > on_edges)).then_some(fit)
+}
+
+/// Mean distance of the points from the outline at their height; what lies farther than a centimetre counts as that.
+fn mean_miss_m(points: &[Point3<f32>], fit: &Revolution) -> f32 {
+    let sum: f32 = points.iter().map(|p| (fit.distance(p.x, p.y) - fit.radius_at(p.z)).abs().min(0.010)).sum();
+    sum / points.len().max(1) as f32
+}
+
+fn is_round_enough(fit: &Revolution) -> bool {
+    fit.support > MIN_ROUND_SUPPORT && fit.coverage > MIN_ROUND_COVERAGE && !fit.slices.is_empty()
+}
+
+/// Shares of the side's points on the outline of a fit and on the rectangle: the sides of a box lie on its rectangle. A flat top lies on
+/// neither and says nothing.
+fn sides_on(points: &[Point3<f32>], fit: &Revolution, rectangle: &Rectangle, top_z_m: f32) -> (f32, f32) {
     let sides: Vec<_> = points.iter().filter(|p| p.z < top_z_m - 0.010).collect();
-    let on_edges = sides.iter().filter(|p| edge_distance(rectangle, p) < 0.005).count() as f32 / sides.len().max(1) as f32;
-    let on_circles = sides.iter().filter(|p| (fit.distance(p.x, p.y) - fit.radius_at(p.z)).abs() < 0.005).count() as f32
-        / sides.len().max(1) as f32;
-    (round_enough && !fit.slices.is_empty() && on_circles > on_edges).then_some(fit)
+    let share = |n: usize| n as f32 / sides.len().max(1) as f32;
+    let on_outline = sides.iter().filter(|p| (fit.distance(p.x, p.y) - fit.radius_at(p.z)).abs() < 0.005).count();
+    let on_edges = sides.iter().filter(|p| edge_distance(rectangle, p) < 0.005).count();
+    (share(on_outline), share(on_edges))
 }
 
 fn edge_distance(rectangle: &Rectangle, point: &Point3<f32>) -> f32 {
@@ -312,7 +358,7 @@ fn disk(points: &[Point3<f32>], bottom_z_m: f32, top_z_m: f32) -> Option<Revolut
     // The hull of noisy points lies about one sigma outside.
     let radius_m = (radius - 0.0015).max(0.01);
     let slice = crate::round::Slice { z_m: (bottom_z_m + top_z_m) / 2.0, radius_m };
-    Some(Revolution { centre, slices: vec![slice], support: 1.0, coverage: 1.0 })
+    Some(Revolution { centre, oval: Oval::ROUND, slices: vec![slice], support: 1.0, coverage: 1.0 })
 }
 
 /// Largest radius of an open vessel. Its slices mix the outer and the inner face of the wall, so the mean lies within the wall.

@@ -110,31 +110,8 @@ struct Rules {
     wrap: Vec<SizeStep>,
     pinch: Vec<SizeStep>,
     kinds: Vec<Kind>,
-    shapes: BTreeMap<ShapeName, String>,
+    shapes: BTreeMap<ShapeClass, String>,
     rules: Vec<Rule>,
-}
-
-/// [`ShapeClass`] as an ordered key.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum ShapeName {
-    UprightCylinder,
-    WideRound,
-    Box,
-    Elongated,
-    Blob,
-}
-
-impl From<ShapeClass> for ShapeName {
-    fn from(shape: ShapeClass) -> Self {
-        match shape {
-            ShapeClass::UprightCylinder => Self::UprightCylinder,
-            ShapeClass::WideRound => Self::WideRound,
-            ShapeClass::Box => Self::Box,
-            ShapeClass::Elongated => Self::Elongated,
-            ShapeClass::Blob => Self::Blob,
-        }
-    }
 }
 
 /// A verb with the places of its roles in the sentence.
@@ -217,7 +194,7 @@ impl Knowledge {
 
     /// The kind for which an unknown thing of this form is taken.
     pub(crate) fn kind_of_shape(&self, shape: ShapeClass) -> Option<&Kind> {
-        self.kind(self.rules.shapes.get(&shape.into())?)
+        self.kind(self.rules.shapes.get(&shape)?)
     }
 
     /// How to hold a known thing, or (`None`) an unknown one of the kind; `body_m` is the measured width of its body.

@@ -83,6 +83,7 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         let target = functionality.target.as_ref().and_then(|target| inventory.cluster(target.cluster_id)).cloned();
         tick.set_shared("functionality", Arc::new(functionality));
         if let Some(object) = object {
+            tick.context.kept.object_in_base = Some(object.centre_in_base);
             tick.set_shared("object", Arc::new(object));
         }
         tick.set_shared("target", Arc::new(target));

@@ -9,6 +9,8 @@ use sfg_types::{FailureReason, SceneInventory};
 
 /// Share of the speed limits while something is being lifted.
 const LIFT_SPEED: f64 = 0.15;
+/// Once the motors have felt nothing for this long the hand is empty: stopping low leaves the thing standing.
+const EMPTY_SECS: f64 = 0.1;
 
 /// `lift`: Running on the way up; Success when up and the motors still feel the object; Failure `no_path`, `lift_failed`,
 /// `tracking_lost`. Halt brings the arm to rest and keeps the hand closed.
@@ -16,10 +18,12 @@ const LIFT_SPEED: f64 = 0.15;
 struct Lift {
     follower: Option<Follower>,
     height_m: f64,
+    empty_secs: f64,
 }
 
 impl Action<SkillContext> for Lift {
     fn start(&mut self, tick: &mut Tick<'_, SkillContext>) -> Outcome {
+        self.empty_secs = 0.0;
         self.height_m = tick.get::<f64>("height_m")?;
         let inventory = tick.input::<SceneInventory>("inventory")?;
         let context = &mut *tick.context;
@@ -40,11 +44,13 @@ impl Action<SkillContext> for Lift {
     fn poll(&mut self, tick: &mut Tick<'_, SkillContext>) -> Outcome {
         let context = &mut *tick.context;
         let Some(follower) = &mut self.follower else { return Ok(Progress::Success) };
-        if follower.poll(&mut context.robot).map_err(|failure| context.fail_stage("lift", failure))? != Progress::Success {
-            return Ok(Progress::Running);
-        }
+        let progress = follower.poll(&mut context.robot).map_err(|failure| context.fail_stage("lift", failure))?;
         let feedback = context.robot.state().hand;
         let evidence = grasp_evidence(&feedback, context.synergy.profile());
+        self.empty_secs = if evidence.is_holding { 0.0 } else { self.empty_secs + context.robot.period_secs() };
+        if progress != Progress::Success && self.empty_secs < EMPTY_SECS {
+            return Ok(Progress::Running);
+        }
         let outcome = if evidence.is_holding {
             let note = StageNote {
                 summary: format!("up {:.0} mm, grip {:.2}", 1000.0 * self.height_m, evidence.grip),

@@ -26,7 +26,7 @@ struct Ready {
 }
 
 impl Ready {
-    /// Back off along the palm's normal as far as the arm can, then to the ready pose.
+    /// Back off along the palm's normal or upwards until nothing is touched, then to the ready pose.
     fn way_home(context: &SkillContext, inventory: &SceneInventory) -> Result<Vec<JointTrajectory>, SkillFailure> {
         let robot = &context.robot;
         let fail = |why: String| SkillFailure::new(FailureReason::NoPath, why);
@@ -41,11 +41,12 @@ impl Ready {
                 pose.translation.z += RETREAT_M;
                 pose
             };
-            let ways = [vec![back, raised(&back)], vec![raised(&robot.chain().fk(&q))], vec![back]];
-            let mut tried = ways.iter().map(|way| scene.straight(&q, way));
-            let path = tried
-                .by_ref()
-                .find_map(Result::ok)
+            let here = robot.chain().fk(&q);
+            let ways = [vec![back, raised(&back)], vec![raised(&here)], vec![back], vec![raised(&here), raised(&back)]];
+            let path = ways
+                .iter()
+                .filter_map(|way| scene.straight(&q, way).ok())
+                .find(|path| path[path.len() / 2..].iter().all(|q| scene.touches(q).is_none()))
                 .ok_or_else(|| fail("the open hand can back off neither along the palm's normal nor upwards".to_owned()))?;
             from_q = path[path.len() - 1].clone();
             motions.push(scene.time(&path, RETREAT_SPEED).map_err(fail)?);

@@ -121,9 +121,15 @@ fn follow_configuration(
     if let Some(with) = scene.touches(&standoff_q) {
         return Err((1, collision("standoff", with)));
     }
+    if let Some(with) = approach_path.iter().find_map(|q| scene.touches_at_grasp(q)) {
+        return Err((1, collision("approach", with)));
+    }
     let mut base_from_lift = *base_from_grasp;
     base_from_lift.translation.z += settings.lift_m;
     let lift_path = scene.straight(grasp_q, &[base_from_lift]).map_err(|miss| (2, unreachable("lift", &miss)))?;
+    if let Some(with) = lift_path.iter().find_map(|q| scene.touches_at_grasp(q)) {
+        return Err((2, collision("lift", with)));
+    }
     let lift_q = &lift_path[lift_path.len() - 1];
     if let Some(pour) = pour {
         let palm_from_vessel = base_from_grasp.inverse() * pour.shape.base_from_vessel;

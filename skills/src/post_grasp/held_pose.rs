@@ -3,16 +3,17 @@
 //! The vessel's outline was seen while it stood free. Here the pose of that outline is fitted to what the cameras see of it
 //! between the fingers.
 
-use crate::post_grasp::pour_path::VesselShape;
+use crate::post_grasp::pour_path::{VesselShape, cross_section};
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
-use sfg_geometry::cloud;
+use sfg_geometry::{Oval, cloud};
 use sfg_plugin::SelfSphere;
 use sfg_types::{ObjectCluster, Observation, Point, Pose};
 
-/// Radius over height, from the base up.
+/// Form and mean radius over height, from the base up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outline {
     height_m: f64,
+    oval: Oval,
     radii_m: Vec<f64>,
 }
 
@@ -24,12 +25,13 @@ impl Outline {
     #[must_use]
     pub fn of(cluster: &ObjectCluster, shape: &VesselShape) -> Self {
         let vessel_from_base = shape.base_from_vessel.inverse();
+        let oval = cross_section(cluster);
         let mut bands: Vec<Vec<f64>> = vec![Vec::new(); N_BANDS];
         for point in &cluster.points_in_base {
             let point = vessel_from_base * point.cast::<f64>();
             let band = (point.z / shape.height_m * N_BANDS as f64).floor();
             if (0.0..N_BANDS as f64).contains(&band) {
-                bands[band as usize].push(point.x.hypot(point.y));
+                bands[band as usize].push(oval.radius_through_m(&point.xy().coords));
             }
         }
         let medians: Vec<Option<f64>> = bands
@@ -45,7 +47,7 @@ impl Outline {
                 nearest.and_then(|other| medians[other]).unwrap_or(shape.body_radius_m)
             })
             .collect();
-        Self { height_m: shape.height_m, radii_m }
+        Self { height_m: shape.height_m, oval, radii_m }
     }
 
     fn radius_m(&self, height_m: f64) -> f64 {
@@ -58,7 +60,7 @@ impl Outline {
 
     /// Signed distance of a point from the outer surface, nearly: metres, positive outside.
     fn distance_m(&self, point_in_vessel: &Point) -> f64 {
-        let side = point_in_vessel.x.hypot(point_in_vessel.y) - self.radius_m(point_in_vessel.z);
+        let side = self.oval.distance_m(&point_in_vessel.xy().coords, self.radius_m(point_in_vessel.z));
         let end = (point_in_vessel.z - self.height_m).max(-point_in_vessel.z);
         if end > 0.0 && side > 0.0 { end.hypot(side) } else { side.max(end) }
     }
@@ -137,13 +139,13 @@ pub fn fit_held_pose(outline: &Outline, points: &[Point], guess: &Pose, base_fro
         .max_by_key(|fit| fit.n_points)
 }
 
-/// Gauss-Newton over position and the two tilts; the turn about the vessel's own axis stays that of the guess.
+/// Gauss-Newton over the pose; the turn about a round vessel's own axis, which no point tells, stays that of the guess.
 fn fit_from(outline: &Outline, points: &[Point], guess: &Pose) -> Option<HeldPose> {
     let mut pose = *guess;
     let mut fit = None;
     for _ in 0..N_STEPS {
-        let mut normal = SMatrix::<f64, 5, 5>::identity() * GUESS_WEIGHT * 1e-4;
-        let mut gradient = SVector::<f64, 5>::zeros();
+        let mut normal = SMatrix::<f64, 6, 6>::identity() * GUESS_WEIGHT * 1e-4;
+        let mut gradient = SVector::<f64, 6>::zeros();
         let (mut n_points, mut sum_squares) = (0, 0.0);
         let vessel_from_base = pose.inverse();
         for point in points {
@@ -155,7 +157,7 @@ fn fit_from(outline: &Outline, points: &[Point], guess: &Pose) -> Option<HeldPos
             let slope = slope_of(outline, &p);
             // Moving the vessel by d and turning it by w moves the point, as the vessel sees it, by -(d + w x p).
             let turn = p.coords.cross(&slope);
-            let row = -SVector::<f64, 5>::new(slope.x, slope.y, slope.z, turn.x, turn.y);
+            let row = -SVector::<f64, 6>::new(slope.x, slope.y, slope.z, turn.x, turn.y, turn.z);
             normal += row * row.transpose();
             gradient += row * e;
             n_points += 1;
@@ -166,7 +168,7 @@ fn fit_from(outline: &Outline, points: &[Point], guess: &Pose) -> Option<HeldPos
         }
         fit = Some(HeldPose { base_from_vessel: pose, n_points, rms_m: (sum_squares / f64::from(n_points as u32)).sqrt() });
         let step = normal.cholesky()?.solve(&-gradient);
-        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], 0.0));
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], step[5]));
         pose *= Pose::from_parts(Vector3::new(step[0], step[1], step[2]).into(), turn);
         if step.norm() < 1e-6 {
             break;
@@ -191,7 +193,7 @@ mod tests {
 
     fn outline() -> Outline {
         let radii_m = (0..N_BANDS).map(|band| if band < 9 { 0.034 } else { 0.024 }).collect();
-        Outline { height_m: OUTLINE_HEIGHT_M, radii_m }
+        Outline { height_m: OUTLINE_HEIGHT_M, oval: Oval::ROUND, radii_m }
     }
 
     /// Points of the upper half that two cameras in front and above would see.

@@ -1,13 +1,14 @@
 //! Where the palm must go to pour a held vessel into a target.
 //!
-//! Everything here is geometry on what the cameras saw before the grasp: the vessel as a body of revolution about its upright
-//! axis, the target as an open circle.
+//! Everything here is geometry on what the cameras saw before the grasp: the vessel within a body of revolution about its upright
+//! axis, with a round mouth, the target as an open circle.
 
 use nalgebra::{Rotation3, Unit, UnitQuaternion};
 use serde::{Deserialize, Serialize};
-use sfg_types::{ObjectCluster, Point, Pose, Vector};
+use sfg_geometry::Oval;
+use sfg_types::{ObjectCluster, Point, Pose, ShapeClass, Vector};
 
-/// A vessel as a body of revolution.
+/// A vessel as what surrounds it when it turns about its upright axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VesselShape {
     /// Base centre, vertical axis, at the moment it was seen.
@@ -38,24 +39,37 @@ pub fn vessel_shape(cluster: &ObjectCluster, table_height_m: f64) -> Option<Vess
     }
     heights.sort_by(f64::total_cmp);
     let height_m = heights[((heights.len() - 1) as f64 * (1.0 - TRIM)) as usize];
-    let distances = |low_m: f64, high_m: f64| -> Option<f64> {
-        let mut distances: Vec<f64> = cluster
+    let median_radius_m = |oval: &Oval, low_m: f64, high_m: f64| -> Option<f64> {
+        let mut radii_m: Vec<f64> = cluster
             .points_in_base
             .iter()
             .filter(|point| (low_m..=high_m).contains(&(f64::from(point.z) - table_height_m)))
-            .map(|point| (f64::from(point.x) - axis.x).hypot(f64::from(point.y) - axis.y))
+            .map(|point| oval.radius_through_m(&(point.cast::<f64>() - axis).xy()))
             .collect();
-        distances.sort_by(f64::total_cmp);
-        distances.get(distances.len() / 2).copied()
+        radii_m.sort_by(f64::total_cmp);
+        radii_m.get(radii_m.len() / 2).copied()
     };
-    let body_radius_m = distances(0.2 * height_m, 0.7 * height_m).unwrap_or(cluster.size_m.y / 2.0);
-    let mouth_radius_m = distances(height_m - MOUTH_BAND_M, height_m + MOUTH_BAND_M).unwrap_or(body_radius_m).min(body_radius_m);
+    let oval = cross_section(cluster);
+    let mean_radius_m = median_radius_m(&oval, 0.2 * height_m, 0.7 * height_m);
+    let body_radius_m = mean_radius_m.map_or(cluster.size_m.y / 2.0, |radius_m| oval.half_axes_m(radius_m)[0]);
+    let mouth_radius_m = median_radius_m(&Oval::ROUND, height_m - MOUTH_BAND_M, height_m + MOUTH_BAND_M)
+        .unwrap_or(body_radius_m)
+        .min(body_radius_m);
     Some(VesselShape {
         base_from_vessel: Pose::translation(axis.x, axis.y, table_height_m),
         height_m,
         body_radius_m,
         mouth_radius_m,
     })
+}
+
+/// The form of a cluster's horizontal cross-section, base frame.
+#[must_use]
+pub fn cross_section(cluster: &ObjectCluster) -> Oval {
+    match cluster.shape {
+        ShapeClass::UprightOval => Oval::new(cluster.yaw_rad, (cluster.size_m.x / cluster.size_m.y.max(1e-3)).max(1.0)),
+        _ => Oval::ROUND,
+    }
 }
 
 /// The opening that is poured into.

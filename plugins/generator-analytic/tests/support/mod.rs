@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use sfg_generator_analytic::AnalyticGenerator;
-use sfg_geometry::{TsdfView, affordance_region, fuse_views, task_key_point};
+use sfg_geometry::{Oval, TsdfView, affordance_region, fuse_views, task_key_point};
 use sfg_kinematics::description::load_hand_profile;
 use sfg_plugin::{PluginContext, PoseGenerator, PoseRequest};
 use sfg_types::{
@@ -54,6 +54,23 @@ pub(crate) fn cylinder(from: Point, to: Point, radius_m: f64) -> Solid {
 /// An upright cylinder on the table.
 pub(crate) fn standing(x: f64, y: f64, radius_m: f64, height_m: f64) -> Solid {
     cylinder(Point::new(x, y, TABLE_M), Point::new(x, y, TABLE_M + height_m), radius_m)
+}
+
+/// A standing bottle of oval cross-section (`half_m` along its yaw and across), whose shoulder ends in a round neck.
+pub(crate) fn flat_bottle(x: f64, y: f64, yaw: f64, half_m: [f64; 2], height_m: f64) -> Solid {
+    let oval = Oval::new(yaw, half_m[0] / half_m[1]);
+    let radius_m = (half_m[0] * half_m[1]).sqrt();
+    let (shoulder_m, neck_m) = (0.78 * height_m, 0.014);
+    Solid {
+        distance: Box::new(move |p| {
+            let (offset, z) = (nalgebra::Vector2::new(p.x - x, p.y - y), p.z - TABLE_M);
+            let body = corner(oval.distance_m(&offset, radius_m), (z - 0.5 * shoulder_m).abs() - 0.5 * shoulder_m);
+            let neck = corner(offset.norm() - neck_m, (z - 0.5 * height_m).abs() - 0.5 * height_m);
+            body.min(neck)
+        }),
+        is_part: Box::new(move |p| p.z < TABLE_M + shoulder_m),
+        bounds: (Point::new(x, y, TABLE_M + 0.5 * height_m), half_m[0].hypot(0.5 * height_m) + 0.01),
+    }
 }
 
 /// An upright box on the table.
