@@ -106,7 +106,7 @@ pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
         log: StageLog::default(),
         kept: Kept::default(),
     };
-    let mut session = Session { request, judge, recording: None, at_grasp: None, stage_wall: Vec::new(), begun };
+    let mut session = Session { request, judge, recording: None, at_grasp: None, meant: None, stage_wall: Vec::new(), begun };
     session.open_recording()?;
     let ready_secs = begun.elapsed().as_secs_f64();
     // Nothing moves on unrecorded.
@@ -128,6 +128,8 @@ struct Session<'a> {
     judge: JudgeHandle,
     recording: Option<Recording>,
     at_grasp: Option<Vec<u8>>,
+    /// The scene's own name of what stood where the robot saw the thing that it chose.
+    meant: Option<String>,
     stage_wall: Vec<(String, f64)>,
     begun: Instant,
 }
@@ -246,6 +248,11 @@ impl Session<'_> {
             self.stage_wall.push((stage.stage.clone(), secs));
             if let Some(recording) = &mut self.recording {
                 recording.stage(&stage)?;
+            }
+            if stage.stage == "infer_functionality"
+                && let Some(seen) = &skills.kept.object_in_base
+            {
+                self.meant = self.judge.object_at(seen);
             }
             if stage.stage == "observe_scene"
                 && let Some(observation) = skills.kept.observation.clone()
@@ -395,17 +402,10 @@ impl Session<'_> {
         sum
     }
 
-    /// The judge's word on the grasp, with the scene's own name of what stands where the engine saw the thing.
+    /// The judge's word on the grasp.
     fn judge_grasp(&self, functionality: &sfg_types::GraspFunctionality) -> Result<serde_json::Value> {
-        let truth = self.judge.truth();
-        let Some(object) = truth.objects.iter().find(|object| object.category == functionality.object.name) else {
-            return Ok(serde_json::json!({"note": format!("the scene has no {:?}", functionality.object.name)}));
-        };
-        let asked = GraspAsked {
-            object: object.name.clone(),
-            part: functionality.affordance.clone(),
-            grasp_type: functionality.grasp_type,
-        };
+        let Some(object) = self.meant.clone() else { return Ok(serde_json::Value::Null) };
+        let asked = GraspAsked { object, part: functionality.affordance.clone(), grasp_type: functionality.grasp_type };
         Ok(serde_json::to_value(self.judge.report(&asked)?)?)
     }
 
