@@ -55,8 +55,6 @@ pub(crate) struct ObjectBody {
     pub(crate) instance: ObjectInstance,
     pub(crate) colour: Option<[u8; 3]>,
     pub(crate) mass_range_kg: [f64; 2],
-    /// Centre of mass at time zero.
-    pub(crate) rest_centre: Point,
 }
 
 impl ObjectBody {

@@ -248,7 +248,6 @@ impl World {
             move_body(&mut self.bodies.physics, grain, &motion);
         }
         self.judge.guard.note_states(&self.bodies.physics);
-        self.bodies.objects[idx].rest_centre = motion * self.bodies.objects[idx].rest_centre;
         Ok(())
     }
 
@@ -306,9 +305,8 @@ impl World {
 
     fn start_judging(&mut self, spec: &SceneSpec, robot: &RobotModel) {
         let mut protected = Vec::new();
-        for object in &mut self.bodies.objects {
+        for object in &self.bodies.objects {
             let [least, most] = object.mass_range_kg;
-            object.rest_centre = crate::convert::point_from_physics(self.bodies.physics.bodies[object.body].center_of_mass());
             protected.push(Protected {
                 name: object.name.clone(),
                 body: object.body,
@@ -412,7 +410,6 @@ fn insert_object(
         instance: spec.instance.clone(),
         colour: spec.colour,
         mass_range_kg: spec.allowed_mass(),
-        rest_centre: sfg_types::Point::origin(),
     })
 }
 

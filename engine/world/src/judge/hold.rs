@@ -22,8 +22,8 @@ pub(crate) struct HoldSample {
     pub(crate) stamp_secs: f64,
     /// Lowest point of the object above the table top, metres.
     pub(crate) clearance_m: f64,
-    /// Rise of the object's centre above where it last rested untouched, metres.
-    pub(crate) rise_m: f64,
+    /// Height of the object's centre, metres.
+    pub(crate) centre_m: f64,
     /// The acting hand touches it.
     pub(crate) touched_by_hand: bool,
     /// Something other than the hand and grains touches it: table, another object, the arm.
@@ -89,7 +89,7 @@ pub(crate) struct HoldTracker {
     /// Largest rise of the centre while held, metres.
     pub(crate) max_rise_m: f64,
     /// Height of the centre when it last rested untouched, metres.
-    pub(crate) rest_m: Option<f64>,
+    rest_m: Option<f64>,
     untouched_since_secs: Option<f64>,
 }
 
@@ -107,8 +107,18 @@ impl Default for HoldTracker {
 }
 
 impl HoldTracker {
+    /// The object lies on its support and nobody touches it: a thing that was knocked over is raised from where it lies.
+    pub(crate) fn rests(&mut self, centre_m: f64) {
+        self.rest_m = Some(centre_m);
+    }
+
+    fn rise_m(&self, sample: &HoldSample) -> f64 {
+        self.rest_m.map_or(0.0, |rest_m| sample.centre_m - rest_m)
+    }
+
     /// Takes one step into account; true in the step in which a hold begins.
     pub(crate) fn update(&mut self, sample: &HoldSample) -> bool {
+        let rise_m = self.rise_m(sample);
         match self.phase {
             HoldPhase::Supported => {
                 let begins = sample.touched_by_hand && !sample.supported && sample.clearance_m > LIFT_OFF_M;
@@ -122,9 +132,9 @@ impl HoldTracker {
                         palm_from_object: sample.palm_from_object,
                         max_slip_m: 0.0,
                         max_slip_rad: 0.0,
-                        max_rise_m: sample.rise_m,
+                        max_rise_m: rise_m,
                     });
-                    self.max_rise_m = self.max_rise_m.max(sample.rise_m);
+                    self.max_rise_m = self.max_rise_m.max(rise_m);
                 }
                 return begins;
             }
@@ -159,14 +169,15 @@ impl HoldTracker {
             }
             return;
         }
+        let rise_m = self.rise_m(sample);
         let Some(hold) = &mut self.latest else { return };
         hold.until_secs = sample.stamp_secs;
         hold.palm_from_object = sample.palm_from_object;
         let (slip_m, slip_rad) = hold.slip();
         hold.max_slip_m = hold.max_slip_m.max(slip_m);
         hold.max_slip_rad = hold.max_slip_rad.max(slip_rad);
-        hold.max_rise_m = hold.max_rise_m.max(sample.rise_m);
-        self.max_rise_m = self.max_rise_m.max(sample.rise_m);
+        hold.max_rise_m = hold.max_rise_m.max(rise_m);
+        self.max_rise_m = self.max_rise_m.max(rise_m);
         self.longest_secs = self.longest_secs.max(hold.duration_secs());
     }
 }
@@ -185,13 +196,14 @@ mod tests {
     /// Steps of 0.05 s: clearance in mm, then `h` for hand contact, `s` for support.
     fn run(steps: &str) -> HoldTracker {
         let mut tracker = HoldTracker::default();
+        tracker.rests(0.0);
         for (i, step) in steps.split_whitespace().enumerate() {
             let digits: String = step.chars().take_while(char::is_ascii_digit).collect();
             let height_m = digits.parse::<f64>().unwrap_or(0.0) * 1e-3;
             tracker.update(&HoldSample {
                 stamp_secs: i as f64 * 0.05,
                 clearance_m: height_m,
-                rise_m: height_m,
+                centre_m: height_m,
                 touched_by_hand: step.contains('h'),
                 supported: step.contains('s'),
                 palm_from_object: Pose::translation(0.0, 0.0, if step.contains('d') { -0.01 } else { 0.0 }),
@@ -206,6 +218,23 @@ mod tests {
         assert_eq!(tracker.phase, phase);
         assert!((tracker.longest_secs - longest_secs).abs() < 1e-9, "longest {}", tracker.longest_secs);
         assert!((tracker.max_rise_m * 1e3 - max_rise_mm).abs() < 1e-9, "rise {}", tracker.max_rise_m);
+    }
+
+    #[test]
+    fn a_rise_begins_where_the_thing_last_rested() {
+        let mut fallen = HoldTracker::default();
+        fallen.rests(0.10);
+        fallen.rests(0.03);
+        let sample = HoldSample {
+            stamp_secs: 0.0,
+            clearance_m: 0.01,
+            centre_m: 0.15,
+            touched_by_hand: true,
+            supported: false,
+            palm_from_object: Pose::identity(),
+        };
+        assert!(fallen.update(&sample));
+        assert!((fallen.max_rise_m - 0.12).abs() < 1e-12);
     }
 
     #[test]

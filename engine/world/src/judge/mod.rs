@@ -83,9 +83,8 @@ impl Judge {
             let tracker = &mut self.trackers[object_idx];
             let object = &bodies.objects[object_idx];
             if !touched_by_hand && tracker.phase == HoldPhase::Supported {
-                // A thing that was knocked over is raised from where it lies.
                 if supported {
-                    tracker.rest_m = Some(bodies.centre(object.body).z);
+                    tracker.rests(bodies.centre(object.body).z);
                 }
                 continue;
             }
@@ -93,7 +92,7 @@ impl Judge {
             let sample = HoldSample {
                 stamp_secs,
                 clearance_m: bodies.clearance_m(object_idx),
-                rise_m: bodies.centre(object.body).z - tracker.rest_m.unwrap_or(object.rest_centre.z),
+                centre_m: bodies.centre(object.body).z,
                 touched_by_hand,
                 supported,
                 palm_from_object: robot.base_from_palm.inverse() * bodies.pose(object.body),
