@@ -52,8 +52,8 @@ fn values_of_the_wrong_kind_or_size_are_refused() {
     check("height_scale: 1.0", "height_scale: -1.0", &["expected a number from 0.2 to 5, found -1"]);
     check("height_scale: 1.0", "height_scale: .nan", &["height_scale", "found NaN"]);
     check("filled_grains: 10", "filled_grains: 4000000000", &["expected a whole number from 0 to 2000"]);
-    check("grip_current_fraction: 0.45", "grip_current_fraction: .nan", &["finite"]);
-    check("grip_current_fraction: 0.45", "grip_current_fraction: high", &["grip_current_fraction"]);
+    check("grip_current_fraction: 0.6", "grip_current_fraction: .nan", &["finite"]);
+    check("grip_current_fraction: 0.6", "grip_current_fraction: high", &["grip_current_fraction"]);
     check("friction: 0.6", "friction: [0.8, 0.4]", &["friction"]);
     check("at_least_m: 0.05", "at_least_m: deep", &["at_least_m", "deep"]);
     check("instruction: Pick up the bottle.", "instruction: \"\"", &["the instruction is empty; say what to do"]);
