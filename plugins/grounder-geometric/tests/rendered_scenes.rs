@@ -253,26 +253,34 @@ const FLASK: &[[f64; 4]] = &[
     [0.210, 0.014, 0.014, 2.0],
 ];
 
+/// A loft alone on the table as the grounder sees it, with its pose and yaw: `posture` is applied before it is put down.
+fn seen_alone(rings: &[[f64; 4]], posture: &Pose, seed: u64) -> (ObjectCluster, Pose, f64) {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let (x, y, yaw) = (rng.random_range(0.6..0.85), rng.random_range(-0.1..0.4), rng.random_range(-1.5..1.5));
+    let pose = Pose::new(Vector::new(x, y, TABLE_Z), Vector::z() * yaw) * posture;
+    let mesh = loft(rings);
+    assert_eq!(mesh.n_open_edges(), 0);
+    let seen = grounder().list_scene(&observe_meshes([(mesh, pose, [230, 200, 40])], seed), &[]).unwrap();
+    (nearest(&seen.clusters, &pose).unwrap().0.clone(), pose, yaw)
+}
+
+fn is_called_bottle(cluster: &ObjectCluster) -> bool {
+    cluster.names.first().is_some_and(|ranked| ranked.name == "bottle")
+}
+
 #[test]
 fn flat_bottles_are_bottles_and_stand_where_they_are() {
     for rings in [SHAMPOO, SOAP] {
-        let mesh = loft(rings);
-        assert_eq!(mesh.n_open_edges(), 0);
         let (mut n, mut named, mut oval, mut centre_m, mut yaw_rad) = (0, 0, 0, Vec::new(), Vec::new());
         for seed in first_seed()..first_seed() + 2 * n_scenes() {
-            let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            let (x, y, yaw) = (rng.random_range(0.6..0.85), rng.random_range(-0.1..0.4), rng.random_range(-1.5..1.5));
-            let pose = Pose::new(Vector::new(x, y, TABLE_Z), Vector::z() * yaw);
-            let observation = observe_meshes([(mesh.clone(), pose, [230, 200, 40])], seed);
-            let seen = grounder().list_scene(&observation, &[]).unwrap();
-            let (cluster, miss_m) = nearest(&seen.clusters, &pose).unwrap();
+            let (cluster, pose, yaw) = seen_alone(rings, &Pose::identity(), seed);
             n += 1;
-            named += usize::from(cluster.names.first().is_some_and(|ranked| ranked.name == "bottle"));
+            named += usize::from(is_called_bottle(&cluster));
             if cluster.shape == ShapeClass::UprightOval {
                 oval += 1;
                 yaw_rad.push((cluster.yaw_rad - yaw).sin().abs());
             }
-            centre_m.push(miss_m);
+            centre_m.push((cluster.centre_in_base.coords.xy() - pose.translation.vector.xy()).norm());
         }
         let (centre, yaw) = (percentile(&mut centre_m, 0.9), percentile(&mut yaw_rad, 0.9));
         eprintln!("flat bottle: n {n}, named {named}, oval {oval}, p90 centre {:.1} mm, yaw {yaw:.2} rad", centre * 1e3);
@@ -285,21 +293,11 @@ fn bottles_that_lie_are_still_bottles() {
     let (mut n, mut named) = (0, 0);
     for rings in [SHAMPOO, SOAP, FLASK] {
         let lying_m = rings.iter().map(|ring| ring[2]).fold(0.0, f64::max);
+        let fallen = Pose::new(Vector::z() * lying_m, Vector::x() * std::f64::consts::FRAC_PI_2);
         for seed in first_seed()..first_seed() + n_scenes() {
-            let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            let (x, y, yaw) = (rng.random_range(0.6..0.85), rng.random_range(-0.1..0.4), rng.random_range(-3.1..3.1));
-            let fallen = Pose::new(Vector::zeros(), Vector::x() * std::f64::consts::FRAC_PI_2);
-            let pose = Pose::new(Vector::new(x, y, TABLE_Z + lying_m), Vector::z() * yaw) * fallen;
-            let observation = observe_meshes([(loft(rings), pose, [230, 200, 40])], seed);
-            let seen = grounder().list_scene(&observation, &[]).unwrap();
-            let cluster = nearest(&seen.clusters, &pose).unwrap().0;
+            let (cluster, ..) = seen_alone(rings, &fallen, seed);
             n += 1;
-            let is_named = cluster.names.first().is_some_and(|ranked| ranked.name == "bottle");
-            named += usize::from(is_named);
-            if !is_named {
-                let names: Vec<_> = cluster.names.iter().map(|n| (n.name.as_str(), n.score)).collect();
-                eprintln!("seed {seed}: lying yaw {yaw:.2} {:?} {:.3?} {names:.2?}", cluster.shape, cluster.size_m.as_slice());
-            }
+            named += usize::from(is_called_bottle(&cluster));
         }
     }
     eprintln!("lying bottles: {named} of {n} named");
