@@ -91,12 +91,13 @@ fn a_palm_pose_moves_with_an_object_that_moved_after_loading() {
     let followed = there.translation.vector - here.translation.vector;
     assert!((followed - sfg_types::Vector::new(0.0, 0.05, 0.0)).norm() < 0.01, "the palm pose moved by {followed}");
     assert!(there.rotation.angle_to(&here.rotation) < 0.1);
-    // Farther away another side of the round bottle may be the best to reach; the palm follows its axis all the same.
+    // Known limit: moved in these directions the robot chooses another side or height of the round bottle, so the pose itself jumps. All that
+    // is asked here is that the bottle lies within the hand.
     let lies_in_the_hand = |palm: &sfg_types::Pose, x_m: f64, y_m: f64| {
         let [along_m, out_m] = axis_in_palm_m(palm, x_m, y_m);
         assert!((0.0..0.08).contains(&along_m) && (0.02..0.08).contains(&out_m), "the axis lies at ({along_m:.3}, {out_m:.3})");
     };
-    for (dx_m, dy_m) in [(-0.05, 0.0), (0.05, 0.0)] {
+    for (dx_m, dy_m) in [(-0.05, 0.0), (0.05, 0.0), (0.0, -0.05)] {
         lies_in_the_hand(&moved_by(dx_m, dy_m), 0.80 + dx_m, 0.30 + dy_m);
     }
 }
