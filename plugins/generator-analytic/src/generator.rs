@@ -21,7 +21,7 @@ const EXPLAINED_M: f64 = 0.005;
 /// A second shape must be this good, metres rms, or its points stay loose.
 const REST_RMS_M: f64 = 0.005;
 /// Gap of the open hand to the table, metres.
-const TABLE_GAP_M: f64 = 0.003;
+const TABLE_GAP_M: f64 = 0.01;
 /// Gap of the open hand to the object, metres; the palm may be nearer by its own clearance.
 const OPEN_GAP_M: f64 = 0.001;
 /// How far back along the approach the open hand must be free as well, metres.
@@ -213,6 +213,7 @@ impl Job<'_> {
             key_point: request.key_point.point_in_base,
             table_height_m: request.table_height_m,
             friction: self.settings.friction,
+            axis: self.object.part.shape.axis(),
         };
         let radius_m = self.object.part.shape.radius_near_m(&proposal.facing);
         let terms = ranking::terms(&closed, &proposal.base_from_palm, &proposal.facing, radius_m, &wanted);

@@ -13,6 +13,11 @@ const WRAP_HOLD_SHARE: f64 = 0.4;
 const FIT_SHARE: f64 = 0.7;
 /// Contacts of a wrap that oppose each other less than this hold nothing.
 const MIN_OPPOSITION: f64 = 0.3;
+/// Lean of the thing's axis towards the finger tips from which thumb and fingers are in balance, and the one at which they surely turn what
+/// they lift, radians. The thumb stands beside the index finger, so its push and the fingers' are no pair unless the thing leans;
+/// the tendon shares its tension among the fingers whatever they meet, so that none of them takes up the couple.
+const BALANCED_AT_RAD: f64 = 0.1;
+const TURNS_AT_RAD: f64 = -0.4;
 /// Distance from the key point at which proximity falls to 1/e, metres: half a palm.
 const PROXIMITY_M: f64 = 0.04;
 /// Gap to the table beyond which more is no better, metres.
@@ -56,6 +61,8 @@ pub struct Terms {
     pub table_clearance: f64,
     /// How surely a push of the closing fingers shifts the thing rather than tipping it over.
     pub steadiness: f64,
+    /// How little the thumb's push and the fingers' turn the thing about the palm's normal.
+    pub balance: f64,
 }
 
 /// What the terms are measured against.
@@ -71,6 +78,8 @@ pub struct Wanted<'a> {
     pub table_height_m: f64,
     /// Friction coefficient between the thing and the table.
     pub friction: f64,
+    /// Direction of what the hand goes around.
+    pub axis: Option<Vector>,
 }
 
 impl Scored {
@@ -92,7 +101,7 @@ impl Scored {
             + 0.15 * t.wrist_ease
             + 0.05 * t.table_clearance;
         if self.is_wrap {
-            fit * t.steadiness * (1.0 - WRAP_HOLD_SHARE + WRAP_HOLD_SHARE * self.hold())
+            fit * t.steadiness * t.balance * (1.0 - WRAP_HOLD_SHARE + WRAP_HOLD_SHARE * self.hold())
         } else {
             self.hold() * (1.0 - FIT_SHARE + FIT_SHARE * fit)
         }
@@ -119,6 +128,7 @@ impl Scored {
             term("wrist_ease", t.wrist_ease),
             term("table_clearance", t.table_clearance),
             term("steadiness", t.steadiness),
+            term("balance", t.balance),
         ]
     }
 }
@@ -133,7 +143,14 @@ pub fn terms(closed: &Closed, base_from_palm: &Pose, facing: &Point, radius_m: f
         GraspType::Tripod => 3,
         _ => n_fingers,
     };
-    let held = grip_centre(closed).unwrap_or(*facing);
+    let held = centre_of(closed, |_| true).unwrap_or(*facing);
+    // An opposed thumb closes first, with nothing behind the thing yet.
+    let is_thumb = |c: &LinkContact| c.finger_idx.is_some_and(|i| wanted.hand.fingers[i].is_thumb);
+    let pushed = centre_of(closed, is_thumb).filter(|_| thumb_is_opposed(wanted.grasp_type)).unwrap_or(held);
+    let lean_rad = match wanted.axis {
+        Some(axis) if thumb_is_opposed(wanted.grasp_type) => lean_rad(base_from_palm, &axis, wanted.hand.side),
+        _ => BALANCED_AT_RAD,
+    };
     // The shoulder is behind, above and on the hand's own side; base frame only, so that a moved object changes nothing.
     let aside = match wanted.hand.side {
         HandSide::Left => 0.4,
@@ -149,14 +166,25 @@ pub fn terms(closed: &Closed, base_from_palm: &Pose, facing: &Point, radius_m: f
         wrist_ease: 0.5 + 0.5 * forearm.dot(&to_shoulder),
         table_clearance: (closed.table_clearance_m / AMPLE_CLEARANCE_M).clamp(0.0, 1.0),
         // A level push at height h tips a thing of half width b over its edge when friction > b / h, else it slides.
-        steadiness: (radius_m / (wanted.friction * (held.z - wanted.table_height_m).max(1e-3))).min(1.0),
+        steadiness: (radius_m / (wanted.friction * (pushed.z - wanted.table_height_m).max(1e-3))).min(1.0),
+        balance: ((lean_rad - TURNS_AT_RAD) / (BALANCED_AT_RAD - TURNS_AT_RAD)).clamp(0.0, 1.0),
     }
 }
 
-/// Mean of the contact points.
-fn grip_centre(closed: &Closed) -> Option<Point> {
-    let n = closed.contacts.len() as f64;
-    (n > 0.0).then(|| Point::from(closed.contacts.iter().map(|c| c.contact.point_in_base.coords).sum::<Vector>() / n))
+/// Angle in the palm's plane from the direction of the thumb to the thing's axis, positive when the axis leans towards the finger tips.
+fn lean_rad(base_from_palm: &Pose, axis: &Vector, side: HandSide) -> f64 {
+    let in_palm = base_from_palm.inverse() * axis;
+    let to_thumb = match side {
+        HandSide::Left => in_palm.y,
+        HandSide::Right => -in_palm.y,
+    };
+    (in_palm.x * to_thumb.signum()).atan2(to_thumb.abs())
+}
+
+/// Mean of the contact points of which `counts`.
+fn centre_of(closed: &Closed, counts: impl Fn(&LinkContact) -> bool) -> Option<Point> {
+    let points: Vec<Vector> = closed.contacts.iter().filter(|c| counts(c)).map(|c| c.contact.point_in_base.coords).collect();
+    (!points.is_empty()).then(|| Point::from(points.iter().sum::<Vector>() / points.len() as f64))
 }
 
 /// Largest opposition of normals between the two sides that the type names, 0 when one of them does not touch.

@@ -12,11 +12,11 @@ const N_AZIMUTHS: usize = 24;
 /// The same around an oval thing, which is approached square to its surface.
 const N_OVAL_AZIMUTHS: usize = 4;
 /// Downward tilts of a side approach to an upright thing, radians. More tilt brings the knuckles near the table.
-const PITCHES_RAD: [f64; 2] = [0.0, 0.35];
+const PITCHES_RAD: [f64; 2] = [0.0, -0.18];
 /// Positions along the axis, from the one nearest to the key point, metres.
-const ALONG_M: [f64; 5] = [0.0, 0.02, -0.02, 0.04, -0.04];
-/// Turns of the palm about its normal in a power grasp, radians: held obliquely, a thing leaves room for the thumb's root.
-const SKEWS_RAD: [f64; 3] = [0.0, 0.3, -0.3];
+const ALONG_M: [f64; 6] = [0.0, 0.02, -0.02, 0.04, -0.04, 0.06];
+/// Turns of the palm about its normal in a power grasp, radians: a thing that leans towards the finger tips lies between thumb and fingers.
+const SKEWS_RAD: [f64; 4] = [0.0, -0.15, -0.3, -0.45];
 /// Approach directions about a lying axis, from straight down, radians.
 const LYING_RAD: [f64; 11] = [0.0, 0.13, -0.13, 0.26, -0.26, 0.52, -0.52, 0.79, -0.79, 1.05, -1.05];
 /// Where a ray towards the axis starts, metres.

@@ -23,6 +23,8 @@ const MIN_NORMAL_VARIANCE: f64 = 0.06;
 const ON_TABLE_M: f64 = 0.04;
 /// Rounder things are round, flatter ones are boards.
 const OVAL_ASPECTS: std::ops::Range<f64> = 1.1..3.0;
+/// Where a bottle has its body, shares of the height.
+const BODY: std::ops::Range<f64> = 0.1..0.6;
 /// Fewest samples of a fit.
 const MIN_SAMPLES: usize = 12;
 
@@ -109,6 +111,15 @@ impl Shape {
         }
     }
 
+    /// Direction of the axis; a box has none of its own.
+    #[must_use]
+    pub fn axis(&self) -> Option<Vector> {
+        match self {
+            Self::Revolution { axis, .. } => Some(axis.into_inner()),
+            Self::Cuboid { .. } => None,
+        }
+    }
+
     /// Radius (geometric mean of an oval, half the smaller width of a box) at the height of `point`, metres.
     #[must_use]
     pub fn mean_radius_m(&self, point: &Point) -> f64 {
@@ -179,8 +190,12 @@ pub fn fit(samples: &[Sample], table_height_m: f64) -> Option<Fit> {
 
 /// The form of an upright thing's outline, when it is oval.
 fn oval_form(samples: &[Sample]) -> Option<Oval> {
-    let outline: Vec<Vector2<f64>> =
-        samples.iter().filter(|s| s.normal.z.abs() < MAX_SIDE_SLOPE).map(|s| s.point.coords.xy()).collect();
+    // Foot, shoulder and cap often have other forms than the body.
+    let heights = samples.iter().map(|s| s.point.z);
+    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| (low.min(h), high.max(h)));
+    let body = low + BODY.start * (high - low)..low + BODY.end * (high - low);
+    let is_outline = |s: &&Sample| s.normal.z.abs() < MAX_SIDE_SLOPE && body.contains(&s.point.z);
+    let outline: Vec<Vector2<f64>> = samples.iter().filter(is_outline).map(|s| s.point.coords.xy()).collect();
     fit_ellipse(&outline).map(|(_, oval, _)| oval).filter(|oval| OVAL_ASPECTS.contains(&oval.aspect))
 }
 

@@ -23,7 +23,7 @@ fn found(solid: &Solid, kind: GraspType) -> Vec<PalmPoseCandidate> {
             assert!(centre.z - ball.radius_m >= TABLE_M, "the open hand is inside the table at {centre}");
             // The true object, not the seen one: completion and voxels may cost a few millimetres.
             let depth = ball.radius_m - (solid.distance)(&centre);
-            assert!(depth < 0.006, "the open hand is {depth:.4} m inside the object at {centre}");
+            assert!(depth < 0.008, "the open hand is {depth:.4} m inside the object at {centre}");
         }
     }
     assert!(found.windows(2).all(|pair| pair[0].stability >= pair[1].stability));
@@ -45,7 +45,7 @@ fn off_axis_deg(pose: &Pose, on_axis: &Point, axis: &Vector) -> f64 {
 }
 
 #[track_caller]
-fn check_bottle(radius_m: f64, kind: GraspType, least_margin_weights: f64) {
+fn check_bottle(radius_m: f64, kind: GraspType) {
     let (x, y) = (0.62, 0.1);
     let all = found(&standing(x, y, radius_m, 0.2), kind);
     assert!(all.len() >= 10, "{} candidates", all.len());
@@ -60,26 +60,29 @@ fn check_bottle(radius_m: f64, kind: GraspType, least_margin_weights: f64) {
     sectors.sort_unstable();
     sectors.dedup();
     assert!(sectors.len() >= 5, "all candidates come from {} sides", sectors.len());
-    let margin = term(&all[0], "wrench_margin_weights");
-    assert!(margin > least_margin_weights, "the best bears {margin:.2} weights");
-    let opposition = term(&all[0], "opposition");
-    assert!(opposition > 0.7, "palm and thumb oppose the fingers by {opposition:.2}");
+    for (name, least) in [("opposition", 0.6), ("steadiness", 0.6), ("balance", 0.9)] {
+        let value = term(&all[0], name);
+        assert!(value > least, "{name} of the best is {value:.2}");
+    }
+    // The bottle leans from the thumb to the finger tips, by up to half a radian.
+    let to_thumb = all[0].base_from_palm.inverse() * Vector::z() * (all[0].base_from_palm * Vector::y()).z.signum();
+    let lean_rad = to_thumb.x.atan2(to_thumb.y);
+    assert!((0.0..0.6).contains(&lean_rad), "{lean_rad}");
 }
 
 #[test]
 fn a_thin_bottle_is_wrapped_from_many_sides() {
-    check_bottle(0.029, GraspType::MediumWrap, 1.0);
+    check_bottle(0.029, GraspType::MediumWrap);
 }
 
 #[test]
 fn a_bottle_is_wrapped_from_many_sides() {
-    check_bottle(0.035, GraspType::LargeDiameter, 1.0);
+    check_bottle(0.035, GraspType::LargeDiameter);
 }
 
-/// The fingers end before they are round 78 mm: the margin for half a kilogram at friction 0.5 is thin.
 #[test]
 fn a_thick_bottle_is_wrapped_from_many_sides() {
-    check_bottle(0.039, GraspType::LargeDiameter, 0.1);
+    check_bottle(0.039, GraspType::LargeDiameter);
 }
 
 #[test]
@@ -126,7 +129,7 @@ fn a_box_is_approached_square_to_its_faces() {
         let turn = ((z.y.atan2(z.x) - yaw) / std::f64::consts::FRAC_PI_2).rem_euclid(1.0);
         assert!(z.xy().norm() < 0.1 || turn.min(1.0 - turn) * 90.0 < 12.0, "comes at {:.0} deg to a face", turn * 90.0);
     }
-    assert!(term(&all[0], "wrench_margin_weights") > 1.0);
+    assert!(term(&all[0], "opposition") > 0.6 && term(&all[0], "steadiness") > 0.6);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 //!
 //! The object frame has +Z up and its origin at the centre of the base footprint: `z = 0` stands on the table.
 
+mod foot;
 mod hollow;
 mod instance;
 mod mass;

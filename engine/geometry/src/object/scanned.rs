@@ -1,5 +1,6 @@
 //! Scans: a closed OBJ mesh, convex OBJ groups and a mass, as an [`ObjectInstance`].
 
+use super::foot::feet;
 use super::hollow::{self, Hollow};
 use super::instance::{Interior, ObjectInstance, Part, Surface};
 use super::piece::{LabelledPiece, Piece, Touches, floor_disk, stave_walls};
@@ -36,7 +37,7 @@ impl ScannedObject {
     ///
     /// Vessels (round inside and hollow from above) get cuboid staves and a cylinder floor as walls, so that they hold grains;
     /// walls thinner than 3 mm are thickened outwards. Of the convex groups only those outside the wall, such as a handle, are
-    /// then kept. Everything else is its convex groups.
+    /// then kept. Everything else is its convex groups, and a flat foot inside the base of those that stand.
     ///
     /// With [`ScannedObject::hollow`] a closed scan is cut off and bored. Surface, distances and the spread of the mass are those of
     /// the bored solid. Grains meet round walls of staves and nothing else; everything but grains meets the convex groups, cut at
@@ -85,6 +86,7 @@ impl ScannedObject {
         let (mesh, vessel) = hollow::bore(scan, hollow).map_err(bad)?;
         let mut pieces = vessel.pieces(Touches::GrainsOnly);
         let hulls = groups.iter().filter_map(|group| hollow::cut_hull(group, hollow.mouth_m));
+        let hulls = hulls.chain(feet(groups));
         pieces.extend(hulls.map(|hull| LabelledPiece { touches: Touches::AllButGrains, ..hull }));
         Ok((MeshDistance::new(mesh, &self.mesh)?, pieces, Some(vessel.interior())))
     }
@@ -94,7 +96,7 @@ impl ScannedObject {
 fn as_scanned(scan: &MeshDistance, groups: &[TriMesh]) -> (Vec<LabelledPiece>, Option<Interior>) {
     let hulls = groups.iter().map(|group| hull_piece(&group.vertices));
     match fit_vessel(scan) {
-        None => (hulls.collect(), None),
+        None => (hulls.chain(feet(groups)).collect(), None),
         Some(vessel) => {
             let outside = hulls.filter(|hull| vessel.is_outside(&hull.object_from_piece.translation.vector));
             let mut pieces = vessel.pieces(Touches::Everything);
