@@ -27,9 +27,12 @@ const OPEN_GAP_M: f64 = 0.001;
 /// How far back along the approach the open hand must be free as well, metres.
 const BACK_OFF_M: [f64; 2] = [0.04, 0.09];
 /// Where a power grasp takes a thing along the fingers, palm x: ahead of the thumb's root, metres.
-const POWER_CENTRES_M: [f64; 3] = [0.02, 0.035, 0.05];
+const POWER_CENTRES_M: [f64; 3] = [0.02, 0.03, 0.04];
 /// How deep between the pads a thing is taken, metres.
 const PAD_DEPTHS_M: [f64; 3] = [0.008, 0.018, 0.03];
+/// Lead of thumb and index finger in wraps, along the second synergy: one thumb opposes four fingers. In 700 simulated closings about a
+/// bottle with the thumb down 16 to 32 % held it within 0.2 rad of where it stood with a lead of 0, 60 to 85 % with 0.1 or 0.2.
+const THUMB_LEAD: f64 = 0.15;
 /// Ways of grasping that are tried at every place.
 const N_STYLES: usize = 12;
 /// Configurations of a closing path.
@@ -82,6 +85,7 @@ impl PoseGenerator for AnalyticGenerator {
             .get(&request.grasp_type)
             .ok_or_else(|| failed(format!("hand {:?} has no grasp type {}", request.hand.name, request.grasp_type)))?;
         check_grid(request)?;
+        let target = target(type_profile.c_tar, request.grasp_type);
         let n_wanted = out.len().min(self.settings.n_candidates);
         let Some(object) = Completed::new(request) else { return Ok(0) };
         let job = Job {
@@ -90,7 +94,7 @@ impl PoseGenerator for AnalyticGenerator {
             hand: &self.hands[hand_idx],
             object: &object,
             bound: &self.bound,
-            path: closing_path(request.hand, type_profile.c_tar, request.grasp_type),
+            path: closing_path(request.hand, target, request.grasp_type),
             load: Load {
                 centre_of_mass_in_base: object.field.centroid().unwrap_or(request.key_point.point_in_base),
                 mass_kg: self.settings.mass_kg,
@@ -103,7 +107,7 @@ impl PoseGenerator for AnalyticGenerator {
                 base_from_palm: scored.base_from_palm,
                 hand_side: request.hand_side,
                 stability: scored.stability(),
-                synergy: type_profile.c_tar.clamped(),
+                synergy: target,
                 terms: scored.report(),
             };
         }
@@ -295,6 +299,12 @@ impl Job<'_> {
 
 fn points(scored: &Scored) -> Vec<Contact> {
     scored.contacts.iter().map(|c| c.contact).collect()
+}
+
+/// Where the hand closes to: `c_tar`, and in wraps beyond it along the second synergy.
+fn target(c_tar: SynergyCoordinates, grasp_type: GraspType) -> SynergyCoordinates {
+    let lead = if ranking::thumb_is_opposed(grasp_type) { THUMB_LEAD } else { 0.0 };
+    SynergyCoordinates::new(c_tar.c1, c_tar.c2 + lead).clamped()
 }
 
 /// From the open hand to `c_tar`, then on: the tendon keeps pulling until the motors stall.

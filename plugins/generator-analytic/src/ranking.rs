@@ -212,7 +212,8 @@ fn opposition(contacts: &[LinkContact], wanted: &Wanted<'_>) -> f64 {
 }
 
 /// Wraps whose thumb closes against the fingers (abducted in the taxonomy).
-fn thumb_is_opposed(grasp_type: GraspType) -> bool {
+#[must_use]
+pub fn thumb_is_opposed(grasp_type: GraspType) -> bool {
     matches!(grasp_type, GraspType::LargeDiameter | GraspType::MediumWrap | GraspType::SmallDiameter | GraspType::PowerSphere)
 }
 

@@ -11,8 +11,8 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 const N_AZIMUTHS: usize = 24;
 /// The same around an oval thing, which is approached square to its surface.
 const N_OVAL_AZIMUTHS: usize = 4;
-/// Downward tilts of a side approach to an upright thing, radians. More tilt brings the knuckles near the table.
-const PITCHES_RAD: [f64; 2] = [0.0, -0.18];
+/// Downward tilts of a side approach with the finger tips, radians. A palm comes level: tilted, it meets a standing thing at one edge.
+const PAD_PITCHES_RAD: [f64; 2] = [0.0, FRAC_PI_4];
 /// Positions along the axis, from the one nearest to the key point, metres.
 const ALONG_M: [f64; 6] = [0.0, 0.02, -0.02, 0.04, -0.04, 0.06];
 /// Turns of the palm about its normal in a power grasp, radians: a thing that leans towards the finger tips lies between thumb and fingers.
@@ -126,7 +126,7 @@ pub fn proposals(shape: &Shape, field: &Field, key_point: &Point, rule: &PalmRul
                 // Nothing is under an upright thing's side, so a power grasp need not keep away from it.
                 let standoffs_m = if rule.opposition == Opposition::Palm { &rule.standoffs_m[..1] } else { &rule.standoffs_m };
                 let is_power = rule.opposition == Opposition::Palm;
-                let pitches_rad: &[f64] = if is_power { &PITCHES_RAD } else { &[0.0, FRAC_PI_4] };
+                let pitches_rad = if is_power { &PAD_PITCHES_RAD[..1] } else { &PAD_PITCHES_RAD };
                 for SideApproach { level, offset, is_probe } in side_approaches(&axis.section, mirror) {
                     // The thumb up first (the left thumb is at +Y, the right one at -Y); pads may also close across.
                     let across = Vector::z().cross(&level);

@@ -272,7 +272,7 @@ mod tests {
 
     #[test]
     fn a_power_grasp_presses_beyond_its_target_until_the_grip_current() {
-        check(GraspType::LargeDiameter, [0.45, 0.0], 0.40, 0.55..0.80, 1.0..2.0);
+        check(GraspType::LargeDiameter, [0.45, 0.0], 0.40, 0.40..0.65, 1.0..2.0);
     }
 
     #[test]
@@ -282,7 +282,7 @@ mod tests {
 
     #[test]
     fn a_thick_object_stops_the_hand_before_its_target() {
-        check(GraspType::SmallDiameter, [1.0, 0.0], 0.2, 0.55..0.80, 0.3..0.9);
+        check(GraspType::SmallDiameter, [1.0, 0.0], 0.2, 0.40..0.65, 0.3..0.9);
     }
 
     #[test]

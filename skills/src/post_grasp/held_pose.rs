@@ -17,8 +17,9 @@ pub struct Outline {
     radii_m: Vec<f64>,
 }
 
-/// Bands of the outline.
+/// Bands of the outline, and meridians where its surface is sampled.
 const N_BANDS: usize = 12;
+const N_AROUND: usize = 16;
 
 impl Outline {
     /// The outline of a cluster that stands free; bands without points take the nearest band's radius.
@@ -58,6 +59,20 @@ impl Outline {
         self.radii_m[below] * (1.0 - share) + self.radii_m[above] * share
     }
 
+    /// Points all over the side, vessel frame.
+    fn surface(&self) -> impl Iterator<Item = Point> + '_ {
+        let around = (0..N_AROUND).map(|step| {
+            let (sin, cos) = (std::f64::consts::TAU * step as f64 / N_AROUND as f64).sin_cos();
+            self.oval.stretch() * nalgebra::Vector2::new(cos, sin)
+        });
+        around.flat_map(move |round| {
+            self.radii_m.iter().enumerate().map(move |(band, radius_m)| {
+                let height_m = (band as f64 + 0.5) / N_BANDS as f64 * self.height_m;
+                Point::new(round.x * radius_m, round.y * radius_m, height_m)
+            })
+        })
+    }
+
     /// Signed distance of a point from the outer surface, nearly: metres, positive outside.
     fn distance_m(&self, point_in_vessel: &Point) -> f64 {
         let side = self.oval.distance_m(&point_in_vessel.xy().coords, self.radius_m(point_in_vessel.z));
@@ -87,6 +102,10 @@ const MAX_RMS_M: f64 = 0.006;
 const MAX_SHIFT_M: f64 = 0.06;
 const MAX_TURN_RAD: f64 = 0.8;
 const N_STEPS: usize = 15;
+/// A camera that sees this far past a place sees that nothing is there, metres.
+const PAST_M: f64 = 0.02;
+/// A vessel of which the cameras see past more than this share is not there.
+const MAX_SEEN_PAST: f64 = 0.15;
 /// The pull towards the guess, in points: it decides what the points leave open.
 const GUESS_WEIGHT: f64 = 5.0;
 
@@ -118,11 +137,39 @@ pub fn points_near(
 /// Leans about the palm's normal from which a fit starts: closing turns an upright thing towards the palm's own axis.
 const START_LEANS_RAD: [f64; 5] = [0.0, 0.2, -0.2, 0.4, -0.4];
 
+/// Share of the vessel's surface at a pose that the cameras see past: where it would be, they see what is behind it.
+fn seen_past(outline: &Outline, base_from_vessel: &Pose, observation: &Observation) -> f64 {
+    let (mut n_seen, mut n_past) = (0_usize, 0_usize);
+    for view in &observation.views {
+        let camera_from_vessel = view.base_from_camera.inverse() * base_from_vessel;
+        for point in outline.surface() {
+            let in_camera = camera_from_vessel * point;
+            let Some(pixel) = view.intrinsics.project(&in_camera) else { continue };
+            let (width, height) = (view.intrinsics.width, view.intrinsics.height);
+            if !(0.0..width as f64 - 0.5).contains(&pixel.x) || !(0.0..height as f64 - 0.5).contains(&pixel.y) {
+                continue;
+            }
+            let depth_m = f64::from(view.depth_m[pixel.y.round() as usize * width + pixel.x.round() as usize]);
+            if depth_m > 0.0 {
+                n_seen += 1;
+                n_past += usize::from(depth_m > in_camera.z + PAST_M);
+            }
+        }
+    }
+    n_past as f64 / n_seen.max(1) as f64
+}
+
 /// The pose of `outline` that explains most of `points`, near `guess`; `None` when they do not show the vessel well enough.
 ///
-/// `base_from_palm` is where the vessel is held: fits start from several leans about its normal.
+/// `base_from_palm` is where the vessel is held: fits start from several leans about its normal. A pose that `observation` sees past is none.
 #[must_use]
-pub fn fit_held_pose(outline: &Outline, points: &[Point], guess: &Pose, base_from_palm: &Pose) -> Option<HeldPose> {
+pub fn fit_held_pose(
+    outline: &Outline,
+    points: &[Point],
+    observation: &Observation,
+    guess: &Pose,
+    base_from_palm: &Pose,
+) -> Option<HeldPose> {
     let palm_from_guess = base_from_palm.inverse() * guess;
     START_LEANS_RAD
         .iter()
@@ -136,7 +183,10 @@ pub fn fit_held_pose(outline: &Outline, points: &[Point], guess: &Pose, base_fro
             let shift = moved * Point::new(0.0, 0.0, outline.height_m / 2.0) - Point::new(0.0, 0.0, outline.height_m / 2.0);
             fit.rms_m < MAX_RMS_M && shift.norm() < MAX_SHIFT_M && moved.rotation.angle() < MAX_TURN_RAD
         })
-        .max_by_key(|fit| fit.n_points)
+        .map(|fit| (seen_past(outline, &fit.base_from_vessel, observation), fit))
+        .filter(|(past, _)| *past < MAX_SEEN_PAST)
+        .max_by(|a, b| ((1.0 - a.0) * a.1.n_points as f64).total_cmp(&((1.0 - b.0) * b.1.n_points as f64)))
+        .map(|(_, fit)| fit)
 }
 
 /// Gauss-Newton over the pose; the turn about a round vessel's own axis, which no point tells, stays that of the guess.
@@ -190,6 +240,7 @@ mod tests {
     use super::*;
 
     const OUTLINE_HEIGHT_M: f64 = 0.2;
+    const BLIND: Observation = Observation { views: Vec::new(), stamp_secs: 0.0 };
 
     fn outline() -> Outline {
         let radii_m = (0..N_BANDS).map(|band| if band < 9 { 0.034 } else { 0.024 }).collect();
@@ -219,7 +270,7 @@ mod tests {
     fn a_turned_and_shifted_vessel_is_found() {
         let guess = Pose::translation(0.8, 0.2, 0.9);
         let truth = guess * Pose::new(Vector3::new(0.008, -0.006, 0.004), Vector3::new(0.2, -0.15, 0.0));
-        let fit = fit_held_pose(&outline(), &seen(&truth, 0.0005), &guess, &guess).unwrap();
+        let fit = fit_held_pose(&outline(), &seen(&truth, 0.0005), &BLIND, &guess, &guess).unwrap();
         let error = truth.inverse() * fit.base_from_vessel;
         assert!(error.translation.vector.norm() < 0.006, "{error}");
         let tilt = (error.rotation * Vector3::z()).angle(&Vector3::z());
@@ -229,8 +280,31 @@ mod tests {
     #[test]
     fn too_few_points_or_another_thing_are_no_fit() {
         let guess = Pose::translation(0.8, 0.2, 0.9);
-        assert!(fit_held_pose(&outline(), &seen(&guess, 0.0)[..100], &guess, &guess).is_none());
+        assert!(fit_held_pose(&outline(), &seen(&guess, 0.0)[..100], &BLIND, &guess, &guess).is_none());
         let far = guess * Pose::translation(0.2, 0.0, 0.0);
-        assert!(fit_held_pose(&outline(), &seen(&far, 0.0), &guess, &guess).is_none());
+        assert!(fit_held_pose(&outline(), &seen(&far, 0.0), &BLIND, &guess, &guess).is_none());
+    }
+
+    #[test]
+    fn a_camera_that_sees_the_wall_behind_sees_no_vessel() {
+        let intrinsics = sfg_types::CameraIntrinsics { width: 160, height: 120, fx: 150.0, fy: 150.0, cx: 80.0, cy: 60.0 };
+        let along_x = nalgebra::Rotation3::from_basis_unchecked(&[-Vector3::y(), -Vector3::z(), Vector3::x()]);
+        let base_from_camera =
+            Pose::from_parts(Vector3::new(0.2, 0.2, 1.0).into(), UnitQuaternion::from_rotation_matrix(&along_x));
+        let at = |depth_m: f32| Observation {
+            views: vec![sfg_types::RgbdImage {
+                camera: "front".into(),
+                intrinsics,
+                base_from_camera,
+                rgb: vec![0; 3 * 160 * 120],
+                depth_m: vec![depth_m; 160 * 120],
+            }],
+            stamp_secs: 0.0,
+        };
+        let guess = Pose::translation(0.8, 0.2, 0.9);
+        let points = seen(&guess, 0.0);
+        let fit = |depth_m| fit_held_pose(&outline(), &points, &at(depth_m), &guess, &guess);
+        assert!(fit(0.56).is_some(), "the vessel's front, or something before it");
+        assert!(fit(1.5).is_none(), "the wall");
     }
 }

@@ -43,8 +43,8 @@ pub struct PourPlan {
 /// Turns of the vessel about its own axis and directions of flow relative to the palm that are tried, in degrees.
 ///
 /// Tilting about the palm's normal comes first: it is a turn of the last joint, as a person turns the forearm.
-const TURNS_DEG: [f64; 9] = [0.0, -30.0, 30.0, -60.0, 60.0, -90.0, 90.0, -130.0, 130.0];
-const FLOWS_DEG: [f64; 4] = [90.0, -90.0, 60.0, -60.0];
+const TURNS_DEG: [f64; 11] = [0.0, -30.0, 30.0, -60.0, 60.0, -90.0, 90.0, -120.0, 120.0, -150.0, 150.0];
+const FLOWS_DEG: [f64; 8] = [90.0, -90.0, 60.0, -60.0, 120.0, -120.0, 30.0, -30.0];
 /// Rim clearances that are tried: a low pour spills less, a high one leaves room for the hand.
 const CLEARANCES_M: [f64; 3] = [0.035, 0.06, 0.09];
 /// Share of the speed limits with a full vessel.
@@ -137,7 +137,7 @@ fn held_vessel(
     let table_height_m = task.shape.base_from_vessel.translation.z;
     let points = points_near(&observation, &spheres, &guess, task.shape.height_m, table_height_m);
     let outline = Outline::of(object, &task.shape);
-    Ok(match fit_held_pose(&outline, &points, &guess, &base_from_palm) {
+    Ok(match fit_held_pose(&outline, &points, &observation, &guess, &base_from_palm) {
         Some(fit) => {
             let moved = guess.inverse() * fit.base_from_vessel;
             let lean_deg = (moved.rotation * nalgebra::Vector3::z()).angle(&nalgebra::Vector3::z()).to_degrees();
@@ -184,11 +184,12 @@ enum Phase {
     Tilt,
     Drain,
     Return,
+    Clear,
 }
 
-/// `pour`: carries the held vessel over `target`, tilts it and turns it back.
+/// `pour`: carries the held vessel over `target`, tilts it, turns it back and takes it out of the way.
 ///
-/// Running while it moves; Success when upright again and the target has gained content; Failure `target_not_found`,
+/// Running while it moves; Success when back and the target has gained content; Failure `target_not_found`,
 /// `no_path`, `nothing_poured` or `tracking_lost`. Halt brings the arm to rest as it is.
 struct Pour {
     phase: Phase,
@@ -271,11 +272,10 @@ impl Pour {
             Some(follower) => follower.poll(&mut context.robot)? == Progress::Success,
             None => true,
         };
-        let Some((_, tilt)) = &self.plan else { return Ok(None) };
+        let Some((carry, tilt)) = &self.plan else { return Ok(None) };
         match self.phase {
             Phase::Carry if arrived => {
                 let tilt = tilt.clone();
-                self.look(context)?;
                 self.enter(Phase::Tilt, Some(tilt), now_secs);
             }
             Phase::Tilt if is_full || arrived => self.enter(Phase::Drain, None, now_secs),
@@ -284,6 +284,10 @@ impl Pour {
                 self.enter(Phase::Return, Some(back), now_secs);
             }
             Phase::Return if arrived => {
+                let away = reversed_from(carry, &context.robot.sent().q);
+                self.enter(Phase::Clear, Some(away), now_secs);
+            }
+            Phase::Clear if arrived => {
                 self.look(context)?;
                 let gain_ml = self.gains_ml.last().map_or(0.0, |(_, gain)| *gain);
                 if gain_ml < MIN_POURED_ML {
@@ -349,8 +353,7 @@ impl Action<SkillContext> for Pour {
             let scene = ArmScene::new(&context.robot, &inventory, Some(object.id), context.robot.synergy(), context.seed);
             let q = context.robot.sent().q.clone();
             // The fitted vessel may lean in the hand; it is carried upright.
-            let palm_from_vessel = held.palm_from_vessel;
-            let plan = plan_pour(&scene, &q, &palm_from_vessel, &task)
+            let plan = plan_pour(&scene, &q, &held.palm_from_vessel, &task)
                 .map_err(|reason| SkillFailure::new(FailureReason::NoPath, reason.to_string()))?;
             self.held = Some(held);
             let time =
@@ -359,6 +362,8 @@ impl Action<SkillContext> for Pour {
         })();
         let (target, carry, tilt) = planned.map_err(|failure| context.fail_stage("pour", failure))?;
         self.target = Some(target);
+        // Before the carry and after the way back the vessel does not hide the target.
+        self.look(context).map_err(|failure| context.fail_stage("pour", failure))?;
         let now_secs = context.robot.now_secs();
         self.enter(Phase::Carry, Some(carry.clone()), now_secs);
         self.plan = Some((carry, tilt));
