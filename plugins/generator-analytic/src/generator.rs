@@ -34,7 +34,7 @@ const PAD_DEPTHS_M: [f64; 3] = [0.008, 0.018, 0.03];
 /// bottle with the thumb down 16 to 32 % held it within 0.2 rad of where it stood with a lead of 0, 60 to 85 % with 0.1 or 0.2.
 const THUMB_LEAD: f64 = 0.15;
 /// Ways of grasping that are tried at every place.
-const N_STYLES: usize = 12;
+const N_STYLES: usize = 16;
 /// Configurations of a closing path.
 const N_LEVELS: usize = 33;
 /// The palm bears the object that the fingers pull in when its gap is at most this much more than intended, metres.
@@ -177,13 +177,13 @@ impl Job<'_> {
         styles.truncate(N_STYLES);
         let chosen = |p: &&Proposal| !p.is_probe && styles.iter().any(|(style, _)| *style == p.style);
         scored.extend(proposals.iter().filter(chosen).filter_map(|p| self.try_pose(p, rule, open)));
-        scored.sort_by(|a, b| b.stability().total_cmp(&a.stability()));
+        ranking::sort_best_first(&mut scored);
         let mut best: Vec<Scored> = ranking::diverse(&scored, n_wanted).into_iter().map(|i| scored[i].clone()).collect();
         for candidate in best.iter_mut().take(self.settings.n_exact) {
             candidate.margin_weights = wrench_margin(&points(candidate), &self.load);
         }
         best.retain(Scored::may_hold);
-        best.sort_by(|a, b| b.stability().total_cmp(&a.stability()));
+        ranking::sort_best_first(&mut best);
         best
     }
 

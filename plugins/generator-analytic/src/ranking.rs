@@ -26,6 +26,10 @@ const AMPLE_CLEARANCE_M: f64 = 0.03;
 const ALIKE: (f64, f64) = (0.025, 0.35);
 /// Most candidates of one approach sector in the first pass: the arm may reach only some sectors.
 const PER_SECTOR: usize = 2;
+/// Ratio between two levels of stability.
+const LEVEL: f64 = 1.2;
+/// Step of the ease of the wrist.
+const EASE_STEP: f64 = 0.02;
 /// Number of sectors of the approach azimuth.
 const N_SECTORS: f64 = 12.0;
 
@@ -89,10 +93,15 @@ impl Scored {
         self.margin_weights / (self.margin_weights + HALF_HELD_WEIGHTS)
     }
 
-    /// Predicted stability in [0, 1] and the order of candidates: the fit to hand, thing and request, less what the margin leaves open.
-    /// That of a wrap also falls with its steadiness, since what tips over is not held.
+    /// Predicted stability in steps of a fifth: what differs by less is equally good, as far as two noisy views can tell.
     #[must_use]
     pub fn stability(&self) -> f64 {
+        stability_level(self.exact_stability())
+    }
+
+    /// The prediction, in [0, 1]: the fit to hand, thing and request, less what the margin leaves open.
+    /// That of a wrap also falls with its steadiness, since what tips over is not held.
+    fn exact_stability(&self) -> f64 {
         let t = &self.terms;
         let fit = 0.25 * t.fingers
             + 0.25 * t.opposition
@@ -131,6 +140,18 @@ impl Scored {
             term("balance", t.balance),
         ]
     }
+}
+
+fn stability_level(stability: f64) -> f64 {
+    let step = LEVEL.ln();
+    if stability > 0.0 { ((stability.ln() / step).round() * step).exp() } else { 0.0 }
+}
+
+/// The most stable first, of equally stable ones the easiest for the wrist, of equally easy ones the first that was proposed. So the choice
+/// follows a thing that was moved instead of jumping to another side of it.
+pub fn sort_best_first(scored: &mut [Scored]) {
+    let ease = |s: &Scored| (s.terms.wrist_ease / EASE_STEP).round();
+    scored.sort_by(|a, b| b.stability().total_cmp(&a.stability()).then(ease(b).total_cmp(&ease(a))));
 }
 
 /// Terms of a closed hand; `radius_m` is the thickness of what it holds.

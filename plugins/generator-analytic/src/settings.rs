@@ -25,7 +25,7 @@ pub struct AnalyticSettings {
 
 impl Default for AnalyticSettings {
     fn default() -> Self {
-        Self { n_candidates: 15, friction: 0.5, mass_kg: 0.5, clearance_m: 0.004, wrist_radius_m: 0.055, n_exact: 15 }
+        Self { n_candidates: 15, friction: 0.5, mass_kg: 0.5, clearance_m: 0.004, wrist_radius_m: 0.055, n_exact: 40 }
     }
 }
 

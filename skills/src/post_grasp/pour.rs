@@ -48,7 +48,9 @@ const FLOWS_DEG: [f64; 8] = [90.0, -90.0, 60.0, -60.0, 120.0, -120.0, 30.0, -30.
 /// Rim clearances that are tried: a low pour spills less, a high one leaves room for the hand.
 const CLEARANCES_M: [f64; 3] = [0.035, 0.06, 0.09];
 /// Share of the speed limits with a full vessel.
-const CARRY_SPEED: f64 = 0.25;
+const CARRY_SPEED: f64 = 0.35;
+/// Afterwards the palm goes this far from the target's centre, seen from above, so that the cameras see into it, metres.
+const CLEAR_M: f64 = 0.3;
 /// Spacing of poses along the carry.
 const CARRY_STEP_M: f64 = 0.02;
 
@@ -172,11 +174,20 @@ const STILL_ML: f64 = 1.5;
 /// ... from one group of so many looks to the next.
 const N_LOOKS: usize = 3;
 /// Longest wait at full tilt.
-const MAX_DRAIN_SECS: f64 = 8.0;
+const MAX_DRAIN_SECS: f64 = 5.0;
 /// Least gain that counts as poured.
 const MIN_POURED_ML: f64 = 5.0;
 /// Share of the speed limits while tilting.
-const TILT_SPEED: f64 = 0.2;
+const TILT_SPEED: f64 = 0.3;
+
+/// Timed motions of a pour.
+#[derive(Debug)]
+struct Motions {
+    carry: JointTrajectory,
+    tilt: JointTrajectory,
+    /// From upright over the target to where the vessel no longer hides it.
+    clear: JointTrajectory,
+}
 
 #[derive(Debug, PartialEq)]
 enum Phase {
@@ -193,7 +204,7 @@ enum Phase {
 /// `no_path`, `nothing_poured` or `tracking_lost`. Halt brings the arm to rest as it is.
 struct Pour {
     phase: Phase,
-    plan: Option<(JointTrajectory, JointTrajectory)>,
+    motions: Option<Motions>,
     held: Option<Held>,
     follower: Option<Follower>,
     target: Option<PourTarget>,
@@ -209,7 +220,7 @@ impl Default for Pour {
     fn default() -> Self {
         Self {
             phase: Phase::Carry,
-            plan: None,
+            motions: None,
             held: None,
             follower: None,
             target: None,
@@ -272,20 +283,20 @@ impl Pour {
             Some(follower) => follower.poll(&mut context.robot)? == Progress::Success,
             None => true,
         };
-        let Some((carry, tilt)) = &self.plan else { return Ok(None) };
+        let Some(motions) = &self.motions else { return Ok(None) };
         match self.phase {
             Phase::Carry if arrived => {
-                let tilt = tilt.clone();
+                let tilt = motions.tilt.clone();
                 self.enter(Phase::Tilt, Some(tilt), now_secs);
             }
             Phase::Tilt if is_full || arrived => self.enter(Phase::Drain, None, now_secs),
             Phase::Drain if is_full || self.has_ended(now_secs) => {
-                let back = reversed_from(tilt, &context.robot.sent().q);
+                let back = reversed_from(&motions.tilt, &context.robot.sent().q);
                 self.enter(Phase::Return, Some(back), now_secs);
             }
             Phase::Return if arrived => {
-                let away = reversed_from(carry, &context.robot.sent().q);
-                self.enter(Phase::Clear, Some(away), now_secs);
+                let clear = motions.clear.clone();
+                self.enter(Phase::Clear, Some(clear), now_secs);
             }
             Phase::Clear if arrived => {
                 self.look(context)?;
@@ -358,15 +369,24 @@ impl Action<SkillContext> for Pour {
             self.held = Some(held);
             let time =
                 |path: &[Vec<f64>], speed| scene.time(path, speed).map_err(|why| SkillFailure::new(FailureReason::NoPath, why));
-            Ok((task.target, time(&plan.carry, CARRY_SPEED)?, time(&plan.tilt, TILT_SPEED)?))
+            let distance_m =
+                |q: &Vec<f64>| (scene.palm_pose(q).translation.vector - task.target.rim_centre_in_base.coords).xy().norm();
+            let n_near = plan.carry.iter().rev().take_while(|q| distance_m(q) < CLEAR_M).count();
+            let clear: Vec<Vec<f64>> = plan.carry.iter().rev().take(n_near + 1).cloned().collect();
+            let motions = Motions {
+                carry: time(&plan.carry, CARRY_SPEED)?,
+                tilt: time(&plan.tilt, TILT_SPEED)?,
+                clear: time(&clear, CARRY_SPEED)?,
+            };
+            Ok((task.target, motions))
         })();
-        let (target, carry, tilt) = planned.map_err(|failure| context.fail_stage("pour", failure))?;
+        let (target, motions) = planned.map_err(|failure| context.fail_stage("pour", failure))?;
         self.target = Some(target);
         // Before the carry and after the way back the vessel does not hide the target.
         self.look(context).map_err(|failure| context.fail_stage("pour", failure))?;
         let now_secs = context.robot.now_secs();
-        self.enter(Phase::Carry, Some(carry.clone()), now_secs);
-        self.plan = Some((carry, tilt));
+        self.enter(Phase::Carry, Some(motions.carry.clone()), now_secs);
+        self.motions = Some(motions);
         self.poll(tick)
     }
 
