@@ -1,4 +1,4 @@
-//! Palm poses from the TSDF surface, ranked by quasi-static closing and wrench margin. No learning, no object model.
+//! Palm poses from the TSDF surface, ranked by quasi-static closing, push, lean and wrench margin. No learning, no object model.
 //!
 //! | step | module |
 //! |---|---|
@@ -12,6 +12,8 @@
 //!
 //! Assumptions, stated because no camera shows them: the hidden side continues the fitted shape; friction and mass are the
 //! settings' values; the object stays where it is while the hand closes; the palm comes to bear once the fingers pull.
+//!
+//! What wraps are ranked by was chosen on some 5,000 simulated closings of the hand alone, and on lifts, of drawn bottles of six shapes.
 
 pub mod closing;
 pub mod field;
