@@ -89,7 +89,7 @@ fn a_filled_bottle_stands_and_the_arm_follows() {
 }
 
 /// State after 0.4 s of a swaying arm.
-/// A base of many corners: without feet such a scan rocks ever wider and lies after four seconds.
+/// A base of many corners: without feet such a scan rocks ever wider, after four seconds by 0.09 rad.
 #[test]
 fn a_scanned_flat_bottle_stands_still() {
     let dir = tempfile::tempdir().unwrap();
