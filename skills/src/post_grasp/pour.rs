@@ -372,7 +372,7 @@ impl Action<SkillContext> for Pour {
             let distance_m =
                 |q: &Vec<f64>| (scene.palm_pose(q).translation.vector - task.target.rim_centre_in_base.coords).xy().norm();
             let n_near = plan.carry.iter().rev().take_while(|q| distance_m(q) < CLEAR_M).count();
-            let clear: Vec<Vec<f64>> = plan.carry.iter().rev().take(n_near + 1).cloned().collect();
+            let clear: Vec<Vec<f64>> = plan.carry.iter().rev().take(n_near.max(1) + 1).cloned().collect();
             let motions = Motions {
                 carry: time(&plan.carry, CARRY_SPEED)?,
                 tilt: time(&plan.tilt, TILT_SPEED)?,
