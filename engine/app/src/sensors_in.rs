@@ -69,13 +69,6 @@ fn chosen_palm(report: &RunReport) -> sfg_types::Pose {
     serde_json::from_value(stage.details["candidate"]["base_from_palm"].clone()).unwrap()
 }
 
-/// Where the bottle's axis passes the palm, in the palm frame: along the fingers and out of the palm, metres.
-fn axis_in_palm_m(base_from_palm: &sfg_types::Pose, bottle_x_m: f64, bottle_y_m: f64) -> [f64; 2] {
-    let on_axis = sfg_types::Point::new(bottle_x_m, bottle_y_m, base_from_palm.translation.z);
-    let in_palm = base_from_palm.inverse() * on_axis;
-    [in_palm.x, in_palm.z]
-}
-
 #[test]
 fn a_palm_pose_moves_with_an_object_that_moved_after_loading() {
     let text = decision_only();
@@ -91,12 +84,7 @@ fn a_palm_pose_moves_with_an_object_that_moved_after_loading() {
         let there = moved_by(dx_m, dy_m);
         let followed = there.translation.vector - here.translation.vector;
         let miss_m = (followed - sfg_types::Vector::new(dx_m, dy_m, 0.0)).norm();
-        // Known limit: in three of the directions the hand comes at another height or from a side up to 30 degrees further around the bottle,
-        // as that is the better or the only reachable one there.
-        let within_m = if dy_m < 0.0 { 0.01 } else { 0.06 };
-        assert!(miss_m < within_m, "moved by ({dx_m}, {dy_m}), the palm missed that by {miss_m:.3} m");
-        assert!(there.rotation.angle_to(&here.rotation) < 0.6);
-        let [along_m, out_m] = axis_in_palm_m(&there, 0.80 + dx_m, 0.30 + dy_m);
-        assert!((0.0..0.08).contains(&along_m) && (0.02..0.08).contains(&out_m), "the axis lies at ({along_m:.3}, {out_m:.3})");
+        assert!(miss_m < 0.01, "moved by ({dx_m}, {dy_m}), the palm missed that by {miss_m:.3} m");
+        assert!(there.rotation.angle_to(&here.rotation) < 0.05);
     }
 }

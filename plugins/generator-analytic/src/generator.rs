@@ -4,7 +4,7 @@ use crate::closing::{ClosingPath, Surroundings};
 use crate::field::Field;
 use crate::hand::{Ball, Hand};
 use crate::ranking::{self, Scored, Wanted};
-use crate::sampling::{self, PalmRule, Proposal};
+use crate::sampling::{self, PalmRule, Place, Proposal};
 use crate::settings::{AnalyticSettings, PLUGIN_NAME};
 use crate::shape::{self, Fit, Sample};
 use crate::surface;
@@ -22,6 +22,8 @@ const EXPLAINED_M: f64 = 0.005;
 const REST_RMS_M: f64 = 0.005;
 /// Gap of the open hand to the table, metres.
 const TABLE_GAP_M: f64 = 0.01;
+/// The lowest palm keeps this much more, metres.
+const ROUNDING_M: f64 = 1e-6;
 /// Gap of the open hand to the object, metres; the palm may be nearer by its own clearance.
 const OPEN_GAP_M: f64 = 0.001;
 /// How far back along the approach the open hand must be free as well, metres.
@@ -35,6 +37,8 @@ const PAD_DEPTHS_M: [f64; 3] = [0.008, 0.018, 0.03];
 const THUMB_LEAD: f64 = 0.15;
 /// Ways of grasping that are tried at every place.
 const N_STYLES: usize = 16;
+/// Closings of one group whose wrench margin is computed exactly: those at the probes.
+const N_EXACT_PER_GROUP: usize = 3;
 /// Configurations of a closing path.
 const N_LEVELS: usize = 33;
 /// The palm bears the object that the fingers pull in when its gap is at most this much more than intended, metres.
@@ -160,31 +164,52 @@ impl Job<'_> {
     }
 
     fn best_of(&self, rule: &PalmRule, open: &[Ball], n_wanted: usize) -> Vec<Scored> {
-        let key_point = self.request.key_point.point_in_base;
-        let proposals = sampling::proposals(&self.object.part.shape, &self.object.field, &key_point, rule, self.hand.side);
+        let place = Place {
+            field: &self.object.field,
+            key_point: self.request.key_point.point_in_base,
+            table_height_m: self.request.table_height_m,
+            lowest_palm_m: &|rotation| {
+                let lowest_m = open.iter().map(|b| (rotation * b.centre).z - b.radius_m).fold(f64::INFINITY, f64::min);
+                TABLE_GAP_M + ROUNDING_M - lowest_m
+            },
+        };
+        let proposals = sampling::proposals(&self.object.part.shape, &place, rule, self.hand.side);
         // What holds a round thing at one place holds it at the others: styles are chosen at a few places first.
-        let mut scored: Vec<Scored> = Vec::new();
+        let mut scored: Vec<Scored> =
+            proposals.iter().filter(|p| p.is_probe).filter_map(|p| self.try_pose(p, rule, open)).collect();
+        let mut probed = scored.clone();
+        ranking::share_in_groups(&mut probed);
         let mut of_style: BTreeMap<usize, f64> = BTreeMap::new();
-        for proposal in proposals.iter().filter(|p| p.is_probe) {
-            if let Some(found) = self.try_pose(proposal, rule, open) {
-                let best = of_style.entry(proposal.style).or_insert(0.0);
-                *best = best.max(found.stability());
-                scored.push(found);
-            }
+        for found in &probed {
+            let best = of_style.entry(found.style).or_insert(0.0);
+            *best = best.max(found.stability());
         }
         let mut styles: Vec<(usize, f64)> = of_style.into_iter().collect();
         styles.sort_by(|a, b| b.1.total_cmp(&a.1));
         styles.truncate(N_STYLES);
         let chosen = |p: &&Proposal| !p.is_probe && styles.iter().any(|(style, _)| *style == p.style);
         scored.extend(proposals.iter().filter(chosen).filter_map(|p| self.try_pose(p, rule, open)));
+        ranking::share_in_groups(&mut scored);
+        self.measure_groups(&mut scored);
         ranking::sort_best_first(&mut scored);
         let mut best: Vec<Scored> = ranking::diverse(&scored, n_wanted).into_iter().map(|i| scored[i].clone()).collect();
-        for candidate in best.iter_mut().take(self.settings.n_exact) {
+        for candidate in best.iter_mut().filter(|candidate| candidate.group.is_none()).take(self.settings.n_exact) {
             candidate.margin_weights = wrench_margin(&points(candidate), &self.load);
         }
         best.retain(Scored::may_hold);
         ranking::sort_best_first(&mut best);
         best
+    }
+
+    /// Replaces the bounds of margins by the mean of some exact ones of each group.
+    fn measure_groups(&self, scored: &mut [Scored]) {
+        for members in ranking::groups(scored) {
+            let measured = &members[..members.len().min(N_EXACT_PER_GROUP)];
+            let sum: f64 = measured.iter().map(|i| wrench_margin(&points(&scored[*i]), &self.load)).sum();
+            for idx in &members {
+                scored[*idx].margin_weights = sum / measured.len() as f64;
+            }
+        }
     }
 
     /// The closed hand at a pose; `None` when the open hand does not fit there or nothing is held.
@@ -224,8 +249,15 @@ impl Job<'_> {
         let contacts: Vec<Contact> = closed.contacts.iter().map(|c| c.contact).collect();
         let margin_weights = self.bound.evaluate(&contacts, &self.load);
         let is_wrap = is_power && !rule.from_above;
-        let scored =
-            Scored { base_from_palm: proposal.base_from_palm, contacts: closed.contacts, margin_weights, is_wrap, terms };
+        let scored = Scored {
+            base_from_palm: proposal.base_from_palm,
+            style: proposal.style,
+            group: proposal.group,
+            contacts: closed.contacts,
+            margin_weights,
+            is_wrap,
+            terms,
+        };
         scored.may_hold().then_some(scored)
     }
 

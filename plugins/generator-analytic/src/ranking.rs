@@ -3,6 +3,7 @@
 use crate::closing::{Closed, LinkContact};
 use crate::hand::Hand;
 use sfg_types::{GraspType, HandSide, Opposition, Point, Pose, ScoreTerm, Vector};
+use std::collections::BTreeMap;
 
 /// Margin that counts as half held, weights of the assumed mass.
 const HALF_HELD_WEIGHTS: f64 = 2.0;
@@ -38,6 +39,10 @@ const N_SECTORS: f64 = 12.0;
 pub struct Scored {
     /// Palm pose.
     pub base_from_palm: Pose,
+    /// Number of the way of grasping.
+    pub style: usize,
+    /// Those of one group are one grasp from places that look alike.
+    pub group: Option<usize>,
     /// Contacts of the closed hand.
     pub contacts: Vec<LinkContact>,
     /// Wrench margin, weights of the assumed mass.
@@ -103,12 +108,7 @@ impl Scored {
     /// That of a wrap also falls with its steadiness, since what tips over is not held.
     fn exact_stability(&self) -> f64 {
         let t = &self.terms;
-        let fit = 0.25 * t.fingers
-            + 0.25 * t.opposition
-            + 0.25 * t.proximity
-            + 0.05 * t.type_fit
-            + 0.15 * t.wrist_ease
-            + 0.05 * t.table_clearance;
+        let fit = 0.3 * t.fingers + 0.3 * t.opposition + 0.3 * t.proximity + 0.05 * t.type_fit + 0.05 * t.table_clearance;
         if self.is_wrap {
             fit * t.steadiness * t.balance * (1.0 - WRAP_HOLD_SHARE + WRAP_HOLD_SHARE * self.hold())
         } else {
@@ -139,6 +139,41 @@ impl Scored {
             term("steadiness", t.steadiness),
             term("balance", t.balance),
         ]
+    }
+}
+
+/// Members of each group, as indices into `scored`.
+#[must_use]
+pub fn groups(scored: &[Scored]) -> Vec<Vec<usize>> {
+    let mut members: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (idx, one) in scored.iter().enumerate() {
+        if let Some(group) = one.group {
+            members.entry(group).or_default().push(idx);
+        }
+    }
+    members.into_values().collect()
+}
+
+/// Gives all of one group the mean of what is felt there. The same grasp from the other side of a round thing holds it as well, and what
+/// single closings differ by is the noise of the surface.
+pub fn share_in_groups(scored: &mut [Scored]) {
+    for indices in groups(scored) {
+        let mean = |of: &dyn Fn(&Scored) -> f64| indices.iter().map(|i| of(&scored[*i])).sum::<f64>() / indices.len() as f64;
+        let margin_weights = mean(&|s| s.margin_weights);
+        let shared = Terms {
+            fingers: mean(&|s| s.terms.fingers),
+            opposition: mean(&|s| s.terms.opposition),
+            proximity: mean(&|s| s.terms.proximity),
+            type_fit: mean(&|s| s.terms.type_fit),
+            table_clearance: mean(&|s| s.terms.table_clearance),
+            steadiness: mean(&|s| s.terms.steadiness),
+            balance: mean(&|s| s.terms.balance),
+            wrist_ease: 0.0,
+        };
+        for idx in indices {
+            scored[idx].margin_weights = margin_weights;
+            scored[idx].terms = Terms { wrist_ease: scored[idx].terms.wrist_ease, ..shared };
+        }
     }
 }
 
