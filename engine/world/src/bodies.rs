@@ -120,6 +120,20 @@ impl Bodies {
         })
     }
 
+    /// What lies deepest inside object `object_idx`, other than table and grains, and how deep, metres.
+    pub(crate) fn deepest_overlap(&self, object_idx: usize) -> Option<(Role, f64)> {
+        let physics = &self.physics;
+        let pairs = self.objects[object_idx].pieces.iter().flat_map(|(collider, _)| {
+            physics.narrow_phase.contact_pairs_with(*collider).map(move |pair| {
+                let other = if pair.collider1 == *collider { pair.collider2 } else { pair.collider1 };
+                let distances = pair.manifolds().iter().flat_map(|manifold| manifold.points.iter().map(|point| point.dist));
+                (Role::decode(physics.colliders[other].user_data), -f64::from(distances.fold(0.0, f32::min)))
+            })
+        });
+        let solid = pairs.filter(|(role, depth_m)| !matches!(role, Role::Table | Role::Grain(_)) && *depth_m > 0.0);
+        solid.max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
     /// Height of the lowest point of an object above the table top, metres.
     pub(crate) fn clearance_m(&self, object_idx: usize) -> f64 {
         let lowest = self.objects[object_idx]

@@ -26,6 +26,8 @@ const MAX_SETTLES: usize = 6;
 const ROCKS_WITHIN_M: f64 = 0.003;
 /// Objects start this far above the table and settle, metres.
 const DROP_M: f64 = 5e-4;
+/// A world whose objects are put this deep into each other is refused, metres.
+const OVERLAP_M: f64 = 2e-3;
 /// A world whose objects still move faster than this after settling is refused, m/s,
 const SETTLED_MPS: f64 = 0.05;
 /// or have moved sideways by more than this, metres.
@@ -133,7 +135,11 @@ impl World {
         self.n_steps += 1;
         let stamp_secs = self.stamp_secs();
         let (robot, physics) = (&self.robot, &self.bodies.physics);
-        let truth = || RobotTruth { base_from_palm: robot.base_from_palm(physics), posture: robot.posture(physics) };
+        let truth = || RobotTruth {
+            base_from_palm: robot.base_from_palm(physics),
+            posture: robot.posture(physics),
+            motors: robot.hand_feedback().motor_positions,
+        };
         self.judge.after_step(&self.bodies, truth, stamp_secs);
         self.check_finite()
     }
@@ -268,6 +274,9 @@ impl World {
             }
             self.robot.drive(&mut self.bodies.physics);
             self.bodies.physics.step();
+            if step == 0 {
+                self.check_apart()?;
+            }
         }
         self.check_finite()?;
         for (idx, object) in self.bodies.objects.iter().enumerate() {
@@ -289,6 +298,22 @@ impl World {
             if n_lost > 0 {
                 return bad(format!("{n_lost} of its grains are outside before the run begins"));
             }
+        }
+        Ok(())
+    }
+
+    /// Contacts of the first step show where things were put into each other.
+    fn check_apart(&self) -> Result<(), WorldError> {
+        for (idx, object) in self.bodies.objects.iter().enumerate() {
+            let Some((role, depth_m)) = self.bodies.deepest_overlap(idx).filter(|(_, depth_m)| *depth_m > OVERLAP_M) else {
+                continue;
+            };
+            let other = match role {
+                Role::Object(other, _) => self.bodies.objects[other].name.as_str(),
+                _ => "the robot",
+            };
+            let message = format!("overlaps {other} by {:.1} mm; put them apart", 1000.0 * depth_m);
+            return Err(WorldError::BadScene { what: object.name.clone(), message });
         }
         Ok(())
     }

@@ -183,7 +183,8 @@ fn impossible_scenes_are_refused() {
     check_refused(|s| s.objects[0].mass_kg = Some(2.0), "its file allows");
     check_refused(|s| s.objects[1].name = "bottle".to_owned(), "name of its own");
     check_refused(|s| s.objects[0].n_grains = 100_000, "grains of radius");
-    check_refused(|s| (s.objects[1].x_m, s.objects[1].y_m) = (0.65, 0.16), "overlaps something");
+    check_refused(|s| (s.objects[1].x_m, s.objects[1].y_m) = (0.65, 0.16), "overlaps bowl by");
+    check_refused(|s| (s.objects[1].x_m, s.objects[1].y_m) = (0.65, 0.23), "overlaps bowl by");
 }
 
 #[test]

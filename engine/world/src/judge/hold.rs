@@ -1,7 +1,8 @@
 //! When is an object held? A small state machine over the contacts of every step.
 //!
-//! The driver never tells the judge that the hand has closed. Closing ends, for the judge, at the first step in which the
-//! object is more than 5 mm above the table and nothing but the hand carries it. A hold ends when the hand has not touched
+//! The driver never tells the judge that the hand has closed. A hold begins at the first step in which the object is more than
+//! 5 mm above the table and nothing but the hand carries it. Closing fingers may raise it that far: the pose from which slip is
+//! measured is the one in which the motors have stood for 0.1 s, or that after 2 s if they do not stop. A hold ends when the hand has not touched
 //! the object for 0.1 s or the object is back on its support; the next one can only begin from the support, so an object
 //! that slides through the fingers never gets a fresh reference pose in mid-air.
 
@@ -14,6 +15,12 @@ pub const LIFT_OFF_M: f64 = 0.005;
 pub const PUT_DOWN_M: f64 = 0.001;
 /// Time without hand contact after which a hold is lost, seconds.
 pub const LOST_AFTER_SECS: f64 = 0.1;
+/// Time without motion of the motors after which closing has ended, seconds.
+const CLOSED_AFTER_SECS: f64 = 0.1;
+/// Longest part of a hold that counts as closing, seconds.
+const CLOSING_AT_MOST_SECS: f64 = 2.0;
+/// Motors that move less in a step stand still, synergy coordinates.
+const MOTORS_STILL: f64 = 1e-6;
 
 /// What one step shows about one object.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +37,8 @@ pub(crate) struct HoldSample {
     pub(crate) supported: bool,
     /// Object in the palm.
     pub(crate) palm_from_object: Pose,
+    /// Where the motors of the hand are, as synergy coordinates.
+    pub(crate) motors: [f64; 2],
 }
 
 /// Where an object is in its life.
@@ -51,10 +60,12 @@ pub struct Hold {
     pub since_secs: f64,
     /// Last step of the hold.
     pub until_secs: f64,
-    /// Object in the palm at that first moment: closing had ended.
+    /// Object in the palm when closing had ended.
     pub palm_from_object_at_closing: Pose,
     /// Object in the palm at the last step of the hold.
     pub palm_from_object: Pose,
+    /// Closing has ended: `palm_from_object_at_closing` stays.
+    pub is_closed: bool,
     /// Largest displacement in the palm frame so far, metres.
     pub max_slip_m: f64,
     /// Largest rotation in the palm frame so far, radians.
@@ -91,6 +102,8 @@ pub(crate) struct HoldTracker {
     /// Height of the centre when it last rested untouched, metres.
     rest_m: Option<f64>,
     untouched_since_secs: Option<f64>,
+    /// Where the motors stand, and since when.
+    motors: Option<([f64; 2], f64)>,
 }
 
 impl Default for HoldTracker {
@@ -102,6 +115,7 @@ impl Default for HoldTracker {
             max_rise_m: 0.0,
             rest_m: None,
             untouched_since_secs: None,
+            motors: None,
         }
     }
 }
@@ -119,6 +133,7 @@ impl HoldTracker {
     /// Takes one step into account; true in the step in which a hold begins.
     pub(crate) fn update(&mut self, sample: &HoldSample) -> bool {
         let rise_m = self.rise_m(sample);
+        let is_closed = self.motors_stand(sample);
         match self.phase {
             HoldPhase::Supported => {
                 let begins = sample.touched_by_hand && !sample.supported && sample.clearance_m > LIFT_OFF_M;
@@ -130,6 +145,7 @@ impl HoldTracker {
                         until_secs: sample.stamp_secs,
                         palm_from_object_at_closing: sample.palm_from_object,
                         palm_from_object: sample.palm_from_object,
+                        is_closed,
                         max_slip_m: 0.0,
                         max_slip_rad: 0.0,
                         max_rise_m: rise_m,
@@ -138,7 +154,7 @@ impl HoldTracker {
                 }
                 return begins;
             }
-            HoldPhase::Held => self.follow(sample),
+            HoldPhase::Held => self.follow(sample, is_closed),
             HoldPhase::Lost => {
                 if sample.clearance_m < PUT_DOWN_M || (sample.supported && !sample.touched_by_hand) {
                     self.phase = HoldPhase::Supported;
@@ -154,7 +170,15 @@ impl HoldTracker {
         self.phase == HoldPhase::Held
     }
 
-    fn follow(&mut self, sample: &HoldSample) {
+    /// Whether the motors have stood long enough; a step without a sample before it may hide motion.
+    fn motors_stand(&mut self, sample: &HoldSample) -> bool {
+        let stood = self.motors.filter(|(at, _)| (0..2).all(|k| (at[k] - sample.motors[k]).abs() < MOTORS_STILL));
+        let since_secs = stood.map_or(sample.stamp_secs, |(_, since_secs)| since_secs);
+        self.motors = Some((sample.motors, since_secs));
+        sample.stamp_secs - since_secs >= CLOSED_AFTER_SECS - 5e-7
+    }
+
+    fn follow(&mut self, sample: &HoldSample, is_closed: bool) {
         if sample.clearance_m < PUT_DOWN_M {
             self.phase = HoldPhase::Supported;
             return;
@@ -173,6 +197,10 @@ impl HoldTracker {
         let Some(hold) = &mut self.latest else { return };
         hold.until_secs = sample.stamp_secs;
         hold.palm_from_object = sample.palm_from_object;
+        if !hold.is_closed {
+            hold.palm_from_object_at_closing = sample.palm_from_object;
+            hold.is_closed = is_closed || hold.duration_secs() >= CLOSING_AT_MOST_SECS;
+        }
         let (slip_m, slip_rad) = hold.slip();
         hold.max_slip_m = hold.max_slip_m.max(slip_m);
         hold.max_slip_rad = hold.max_slip_rad.max(slip_rad);
@@ -193,7 +221,7 @@ pub fn slip_between(before: &Pose, after: &Pose) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    /// Steps of 0.05 s: clearance in mm, then `h` for hand contact, `s` for support.
+    /// Steps of 0.05 s: clearance in mm, then `h` for hand contact, `s` for support, `d` for a displaced object, `m` for moving motors.
     fn run(steps: &str) -> HoldTracker {
         let mut tracker = HoldTracker::default();
         tracker.rests(0.0);
@@ -207,6 +235,7 @@ mod tests {
                 touched_by_hand: step.contains('h'),
                 supported: step.contains('s'),
                 palm_from_object: Pose::translation(0.0, 0.0, if step.contains('d') { -0.01 } else { 0.0 }),
+                motors: [if step.contains('m') { i as f64 } else { 0.0 }, 0.0],
             });
         }
         tracker
@@ -232,6 +261,7 @@ mod tests {
             touched_by_hand: true,
             supported: false,
             palm_from_object: Pose::identity(),
+            motors: [0.0; 2],
         };
         assert!(fallen.update(&sample));
         assert!((fallen.max_rise_m - 0.12).abs() < 1e-12);
@@ -250,9 +280,26 @@ mod tests {
         check("0hs 6h 50h 0s 6h 30h 30h", HoldPhase::Held, 0.10, 50.0); // grasped again
     }
 
+    #[track_caller]
+    fn check_slip(steps: &str, slip_m: f64, max_slip_m: f64) {
+        assert_eq!(run(steps).latest.map(|hold| (hold.slip().0, hold.max_slip_m)), Some((slip_m, max_slip_m)), "{steps}");
+    }
+
     #[test]
-    fn slip_is_measured_from_lift_off() {
-        let hold = run("0hs 6h 50h 50hd 50h").latest.map(|hold| (hold.slip().0, hold.max_slip_m));
-        assert_eq!(hold, Some((0.0, 0.01)));
+    fn slip_is_measured_from_the_closed_hand() {
+        // Closed on the table: from lift-off.
+        check_slip("0hs 0hs 0hs 6h 50h 50hd 50h", 0.0, 0.01);
+        // Raised by the closing fingers: from where the motors have stood for two steps.
+        check_slip("0hsm 6hm 8hmd 8hd 8hd 50hd", 0.0, 0.0);
+        check_slip("0hsm 6hm 8hm 8h 8h 8h 8hd 50hd", 0.01, 0.01);
+        // Motors that start again later change nothing.
+        check_slip("0hs 0hs 0hs 6h 50h 50hmd 50hmd", 0.01, 0.01);
+    }
+
+    #[test]
+    fn motors_that_never_stop_close_for_two_seconds_at_most() {
+        let creeping = |n: usize| format!("0hsm 6hm {}", (0..n).map(|_| "8hm ").collect::<String>() + "8hmd 8hmd");
+        assert_eq!(run(&creeping(30)).latest.map(|hold| hold.max_slip_m), Some(0.0));
+        assert_eq!(run(&creeping(60)).latest.map(|hold| hold.max_slip_m), Some(0.01));
     }
 }

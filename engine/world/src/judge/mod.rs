@@ -43,6 +43,7 @@ const RECORD_AGAIN_SECS: f64 = 2.0;
 pub(crate) struct RobotTruth {
     pub(crate) base_from_palm: Pose,
     pub(crate) posture: Posture,
+    pub(crate) motors: [f64; 2],
 }
 
 /// Follows a run from inside the simulator.
@@ -96,6 +97,7 @@ impl Judge {
                 touched_by_hand,
                 supported,
                 palm_from_object: robot.base_from_palm.inverse() * bodies.pose(object.body),
+                motors: robot.motors,
             };
             let before_secs = tracker.latest.as_ref().map_or(0.0, Hold::duration_secs);
             let begins = tracker.update(&sample);
