@@ -17,8 +17,10 @@ const PAD_PITCHES_RAD: [f64; 2] = [0.0, FRAC_PI_4];
 const ALONG_M: [f64; 6] = [0.0, 0.02, -0.02, 0.04, -0.04, 0.06];
 /// Heights of a level palm over the lowest at which the open hand fits over the table, metres.
 const RISES_M: [f64; 8] = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14];
+/// How far beyond the end of the body the middle of a wrap may be, metres.
+const BEYOND_M: f64 = 0.02;
 /// A wrap holds the thing within this of the key point, along the axis, metres.
-const AROUND_KEY_M: f64 = 0.06;
+const AROUND_KEY_M: f64 = 0.08;
 /// Turns of the palm about its normal in a power grasp, radians: a thing that leans towards the finger tips lies between thumb and fingers.
 const SKEWS_RAD: [f64; 4] = [0.0, -0.15, -0.3, -0.45];
 /// Approach directions about a lying axis, from straight down, radians.
@@ -154,12 +156,15 @@ impl Sampler<'_> {
                     let lowest_m = self.place.table_height_m + (self.place.lowest_palm_m)(&rotation);
                     for rise_m in RISES_M {
                         for [centre_x, centre_y] in &self.rule.centres_m {
-                            let held_z = lowest_m + rise_m + (rotation * Vector::new(*centre_x, *centre_y, 0.0)).z;
-                            let along_m = (held_z - axis.origin.z) / axis.direction.z;
-                            if along_m.abs() <= AROUND_KEY_M && axis.reaches(along_m) {
-                                let towards = axis.origin + axis.direction * along_m + offset;
-                                let centre = Vector::new(*centre_x, *centre_y, standoff_m);
-                                self.push(&towards, &level, &rotation, &centre, style, Some(kind), is_probe);
+                            let palm_z = lowest_m + rise_m;
+                            let centre = rotation * Vector::new(*centre_x, *centre_y, standoff_m);
+                            let along_m = (palm_z + centre.z - axis.origin.z) / axis.direction.z;
+                            // At the shoulder of a short bottle the lower fingers still find its body.
+                            let nearest_m = along_m.clamp(axis.range_m.0, axis.range_m.1);
+                            if along_m.abs() <= AROUND_KEY_M && (along_m - nearest_m).abs() <= BEYOND_M {
+                                let towards = axis.origin + axis.direction * nearest_m + offset;
+                                let rise = Vector::z() * (axis.direction.z * (nearest_m - along_m));
+                                self.push(&towards, &level, &rotation, &(centre + rise), style, Some(kind), is_probe);
                             }
                             style += 1;
                         }
@@ -247,29 +252,29 @@ impl Sampler<'_> {
             let rotation = palm_rotation(approach, y, skew * self.mirror);
             for standoff_m in &self.rule.standoffs_m {
                 for [centre_x, centre_y] in &self.rule.centres_m {
-                    let centre = Vector::new(*centre_x, *centre_y, *standoff_m);
-                    self.push(towards, approach, &rotation, &centre, style, kind, is_probe);
+                    let surface = rotation * Vector::new(*centre_x, *centre_y, *standoff_m);
+                    self.push(towards, approach, &rotation, &surface, style, kind, is_probe);
                     style += 1;
                 }
             }
         }
     }
 
-    /// `centre` is where the surface lies in the palm frame.
+    /// `surface` is where the surface lies seen from the palm, in the base frame's directions.
     #[expect(clippy::too_many_arguments, reason = "what a proposal is made of")]
     fn push(
         &mut self,
         towards: &Point,
         approach: &Vector,
         rotation: &UnitQuaternion<f64>,
-        centre: &Vector,
+        surface: &Vector,
         style: usize,
         kind: Option<usize>,
         is_probe: bool,
     ) {
         let Some(facing) = surface_along(self.place.field, towards, approach) else { return };
         self.out.push(Proposal {
-            base_from_palm: Pose::from_parts((facing - rotation * centre).coords.into(), *rotation),
+            base_from_palm: Pose::from_parts((facing - surface).coords.into(), *rotation),
             facing,
             style,
             group: kind.map(|kind| N_KINDS * style + kind),
