@@ -17,7 +17,7 @@ const MIN_OPPOSITION: f64 = 0.3;
 /// Lean of the thing's axis towards the finger tips from which thumb and fingers are in balance, and the one at which they surely turn what
 /// they lift, radians. The thumb stands beside the index finger, so its push and the fingers' are no pair unless the thing leans;
 /// the tendon shares its tension among the fingers whatever they meet, so that none of them takes up the couple.
-const BALANCED_AT_RAD: f64 = 0.1;
+const BALANCED_AT_RAD: f64 = 0.3;
 const TURNS_AT_RAD: f64 = -0.4;
 /// Distance from the key point at which proximity falls to 1/e, metres: half a palm.
 const PROXIMITY_M: f64 = 0.04;
