@@ -8,7 +8,7 @@
 //! | palm poses for the grasp type | [`sampling`] |
 //! | every finger closed along the synergy until it touches | [`closing`], on the compiled [`hand`] |
 //! | force that the contacts resist | [`wrench`] |
-//! | score, diversity | [`ranking`] |
+//! | score, mean over the sides of a thing that look alike, diversity | [`ranking`] |
 //!
 //! Assumptions, stated because no camera shows them: the hidden side continues the fitted shape; friction and mass are the
 //! settings' values; the object stays where it is while the hand closes; the palm comes to bear once the fingers pull.
