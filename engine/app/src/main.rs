@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Finds, grasps and uses things with a humanoid's hand, from a typed sentence.
 ///
@@ -86,21 +86,23 @@ struct RunOptions {
 }
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// Signals that follow the first one sooner belong to it: `timeout -s INT` sends to the process and then to its group.
+const SAME_INTERRUPT: Duration = Duration::from_secs(1);
+
+/// The first Ctrl-C halts the robot, a later one ends the process at once.
+fn on_interrupt() {
+    static FIRST: OnceLock<Instant> = OnceLock::new();
+    INTERRUPTED.store(true, Ordering::Relaxed);
+    if FIRST.get_or_init(Instant::now).elapsed() > SAME_INTERRUPT {
+        std::process::exit(i32::from(exit::INTERRUPTED));
+    }
+}
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    static HANDLER: OnceLock<()> = OnceLock::new();
-    HANDLER.get_or_init(|| {
-        // A second Ctrl-C ends the process at once; the first halts the robot.
-        let handler = || {
-            if INTERRUPTED.swap(true, Ordering::Relaxed) {
-                std::process::exit(i32::from(exit::INTERRUPTED));
-            }
-        };
-        if let Err(error) = ctrlc::set_handler(handler) {
-            eprintln!("warning: Ctrl-C will not halt the robot first: {error}");
-        }
-    });
+    if let Err(error) = ctrlc::set_handler(on_interrupt) {
+        eprintln!("warning: Ctrl-C will not halt the robot first: {error}");
+    }
     match execute(cli) {
         Ok(code) => code,
         Err(error) => {

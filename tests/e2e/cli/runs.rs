@@ -114,6 +114,8 @@ fn ctrl_c_halts_the_robot_and_leaves_a_whole_report_and_recording() {
     let mut run = start(folder.path(), &["run", "endless.yaml", "--out", "out"], &[]);
     run.wait_for("move_joints");
     std::thread::sleep(Duration::from_millis(400));
+    // Twice, as `timeout -s INT` sends it to the process and to its group.
+    run.signal("INT");
     run.signal("INT");
     run.wait().ended_with(130);
 
