@@ -330,3 +330,39 @@ fn sector(base_from_palm: &Pose) -> usize {
     // Sector limits lie between the sampled azimuths, so that rounding cannot move a pose across.
     ((turn * N_SECTORS + 0.25).floor() as usize) % N_SECTORS as usize
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scored(group: Option<usize>, opposition: f64, wrist_ease: f64) -> Scored {
+        let terms = Terms {
+            fingers: 1.0,
+            opposition,
+            proximity: 0.5,
+            type_fit: 1.0,
+            wrist_ease,
+            table_clearance: 1.0,
+            steadiness: 1.0,
+            balance: 1.0,
+        };
+        let margin_weights = 2.0 * opposition;
+        Scored { base_from_palm: Pose::identity(), style: 0, group, contacts: Vec::new(), margin_weights, is_wrap: true, terms }
+    }
+
+    #[test]
+    fn a_group_shares_what_is_felt_but_not_the_wrist() {
+        let mut all =
+            vec![scored(Some(7), 0.4, 0.1), scored(None, 0.4, 0.5), scored(Some(7), 0.8, 0.9), scored(Some(8), 0.2, 0.5)];
+        let (alone, other) = (all[1].clone(), all[3].clone());
+        share_in_groups(&mut all);
+        for one in [&all[0], &all[2]] {
+            assert!((one.terms.opposition - 0.6).abs() < 1e-12 && (one.margin_weights - 1.2).abs() < 1e-12, "{one:?}");
+        }
+        assert_eq!((all[0].terms.wrist_ease, all[2].terms.wrist_ease), (0.1, 0.9));
+        assert_eq!((&all[1], &all[3]), (&alone, &other));
+        // Of a group the easiest for the wrist comes first, whatever its own closing felt.
+        sort_best_first(&mut all);
+        assert_eq!(all[0].terms.wrist_ease, 0.9);
+    }
+}

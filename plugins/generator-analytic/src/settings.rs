@@ -18,8 +18,8 @@ pub struct AnalyticSettings {
     pub clearance_m: f64,
     /// Radius that the arm's last link needs behind the hand, metres (Panda link 7); it must clear the table too.
     pub wrist_radius_m: f64,
-    /// For how many of the best candidates the margin is computed exactly. The others keep its upper bound, which is two to three
-    /// times too high: keep this at `n_candidates` unless time matters more than order.
+    /// For how many of the best candidates the margin is computed exactly, apart from those beside an upright thing, which share that of
+    /// three. The others keep its upper bound, two to three times too high: keep this at `n_candidates` unless time matters more than order.
     pub n_exact: usize,
 }
 

@@ -2,9 +2,9 @@
 //!
 //! The driver never tells the judge that the hand has closed. A hold begins at the first step in which the object is more than
 //! 5 mm above the table and nothing but the hand carries it. Closing fingers may raise it that far: the pose from which slip is
-//! measured is the one in which the motors have stood for 0.1 s, or that after 2 s if they do not stop. A hold ends when the hand has not touched
-//! the object for 0.1 s or the object is back on its support; the next one can only begin from the support, so an object
-//! that slides through the fingers never gets a fresh reference pose in mid-air.
+//! measured is the one in which the motors have stood for 0.1 s, or that after 2 s if they do not stop. A hold ends when the
+//! hand has not touched the object for 0.1 s or the object is back on its support; the next one can only begin from the
+//! support, so an object that slides through the fingers never gets a fresh reference pose in mid-air.
 
 use serde::Serialize;
 use sfg_types::Pose;
@@ -170,7 +170,7 @@ impl HoldTracker {
         self.phase == HoldPhase::Held
     }
 
-    /// Whether the motors have stood long enough; a step without a sample before it may hide motion.
+    /// Whether the motors have stood where they are for long enough.
     fn motors_stand(&mut self, sample: &HoldSample) -> bool {
         let stood = self.motors.filter(|(at, _)| (0..2).all(|k| (at[k] - sample.motors[k]).abs() < MOTORS_STILL));
         let since_secs = stood.map_or(sample.stamp_secs, |(_, since_secs)| since_secs);
