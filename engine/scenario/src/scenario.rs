@@ -185,7 +185,7 @@ fn read<C>(
     let subtrees = fields.get("subtrees").map_or_else(|| Some(Vec::new()), |node| trees.subtrees(node));
     let root = tree.and_then(|node| trees.node(node));
     let (places, spoilt) = (trees.places, trees.spoilt);
-    let tree = TreeSpec { root: root?, subtrees: subtrees?, entries: Vec::new() };
+    let tree = TreeSpec { root: root?, subtrees: subtrees?, ..TreeSpec::default() };
     if let Err(errors) = registry.build(&tree) {
         let is_unread =
             |error: &BuildError| matches!(error.problem, Problem::UnknownNode { .. } | Problem::UnknownSubtree { .. });

@@ -233,7 +233,7 @@ impl TreeReader<'_> {
             }
         }
         let root = self.reader.required(&what, &fields, "do").and_then(|node| self.node(node))?;
-        Some(SubtreeSpec { name: key.text.clone(), ports, root, location })
+        Some(SubtreeSpec { name: key.text.clone(), ports, is_open: false, root, location })
     }
 
     fn subtree_port(&mut self, item: &Node, direction: Direction) -> Option<SubtreePort> {

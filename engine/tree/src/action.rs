@@ -1,10 +1,12 @@
 //! What an author of nodes writes against.
 
-use crate::blackboard::{self, Source};
-use crate::journal::{Change, JournalLevel};
-use crate::port::{PortSpec, Value};
+use crate::blackboard::{self, Source, Stamp};
+use crate::journal::JournalLevel;
+use crate::literal::Literal;
+use crate::port::{PortSpec, PortType, Value};
 use crate::status::{Failure, Outcome};
 use crate::tree::Runtime;
+use crate::waker::Waker;
 use std::any::{Any, TypeId};
 use std::sync::Arc;
 
@@ -14,9 +16,9 @@ use std::sync::Arc;
 /// |---|---|---|
 /// | `start` | the node is ticked and is not running | `Running`: polled from the next tick on; else done |
 /// | `poll` | the node is ticked and is running | as above |
-/// | `halt` | a running node is not wanted any more, or a call panicked | the node is idle, the next call is `start` |
+/// | `halt` | a running node is not wanted any more, or a call panicked | `Done`: the next call is `start`; `Pending`: called again on every tick until `Done` |
 ///
-/// A call must not wait. A panic becomes a failure with reason [`crate::reason::PANICKED`].
+/// A call must not wait. While a halt is pending nothing is started that shares the action's footprint. A panic becomes a failure with reason [`crate::reason::PANICKED`].
 pub trait Action<C>: Send {
     /// Begins the work.
     ///
@@ -35,8 +37,37 @@ pub trait Action<C>: Send {
         panic!("an action that returns Running must implement poll");
     }
 
-    /// Stops the work and undoes what must not stay: motions stop, threads end.
-    fn halt(&mut self, _tick: &mut Tick<'_, C>) {}
+    /// Stops the work and undoes what must not stay: motions stop, threads end. Work that cannot stop at once says
+    /// [`Halt::Pending`] and is asked again.
+    fn halt(&mut self, _tick: &mut Tick<'_, C>) -> Halt {
+        Halt::Done
+    }
+
+    /// What the running action needs to go on in another process, or nothing when it cannot.
+    fn save(&self) -> Option<Literal> {
+        None
+    }
+
+    /// Goes on where [`save`](Self::save) was called, in place of `start`.
+    ///
+    /// # Errors
+    /// The reason why it cannot.
+    fn resume(&mut self, _state: &Literal, tick: &mut Tick<'_, C>) -> Outcome {
+        self.start(tick)
+    }
+}
+
+/// Whether a halted action has stopped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Halt {
+    /// It has.
+    Done,
+    /// It will have within this time, counted from the first call. Later, actions that share its footprint fail with reason
+    /// [`crate::reason::HALT_OVERDUE`] until it says `Done`.
+    Pending {
+        /// Time it needs at most, seconds.
+        within_secs: f64,
+    },
 }
 
 /// What a node sees while it is called: the user's context, the time and its ports.
@@ -46,6 +77,7 @@ pub struct Tick<'a, C> {
     pub(crate) node: u32,
     pub(crate) ports: &'a [PortSpec],
     pub(crate) sources: &'a [Source],
+    pub(crate) slot_types: &'a [Option<PortType>],
     pub(crate) run: &'a mut Runtime,
 }
 
@@ -84,11 +116,11 @@ impl<C> Tick<'_, C> {
         let port_idx = self.declared::<T>(port);
         match &self.sources[port_idx] {
             // The frequent case needs no shared handle.
-            Source::Slot(slot) => match &self.run.slots[*slot as usize].value {
+            Source::Slot(slot) => match &self.run.board.slots[*slot as usize].value {
                 Some(value) => Ok(cast_ref::<T>(value.as_ref(), port).clone()),
                 None => Err(blackboard::empty(port)),
             },
-            source => match source.read(&self.run.slots)? {
+            source => match source.read(&self.run.board.slots)? {
                 Some(value) => Ok(cast_ref::<T>(value.as_ref(), port).clone()),
                 None => Err(blackboard::empty(port)),
             },
@@ -104,7 +136,7 @@ impl<C> Tick<'_, C> {
     /// If the node declared no such port of this type to read.
     pub fn optional<T: Any + Send + Sync>(&self, port: &str) -> Result<Option<Arc<T>>, Failure> {
         let port_idx = self.declared::<T>(port);
-        Ok(self.sources[port_idx].read(&self.run.slots)?.map(|value| cast(value, port)))
+        Ok(self.sources[port_idx].read(&self.run.board.slots)?.map(|value| cast(value, port)))
     }
 
     /// Writes an output port. Nothing happens when the scenario connected it to nothing.
@@ -113,7 +145,7 @@ impl<C> Tick<'_, C> {
     /// If the node declared no such port of this type to write.
     pub fn set<T: Any + Send + Sync>(&mut self, port: &str, value: T) {
         if let Some(slot) = self.writable::<T>(port) {
-            blackboard::write(&mut self.run.slots[slot as usize], value);
+            self.run.board.write(slot, value, self.run.now_secs);
             self.note_write(slot);
         }
     }
@@ -124,15 +156,43 @@ impl<C> Tick<'_, C> {
     /// If the node declared no such port of this type to write.
     pub fn set_shared<T: Any + Send + Sync>(&mut self, port: &str, value: Arc<T>) {
         if let Some(slot) = self.writable::<T>(port) {
-            self.run.slots[slot as usize].value = Some(value);
+            self.run.board.put(slot, Some(value), self.run.now_secs);
             self.note_write(slot);
         }
     }
 
+    /// When the entry behind a port was last written; nothing when the port has a literal or is not connected.
+    ///
+    /// # Panics
+    /// If the node declared no such port.
+    #[must_use]
+    pub fn stamp(&self, port: &str) -> Option<Stamp> {
+        self.sources[self.port_idx(port)].slot().map(|slot| self.run.board.stamp(slot))
+    }
+
+    /// Wakes the owner of the tree from another thread, so that the next tick comes before its period.
+    #[must_use]
+    pub fn waker(&self) -> Waker {
+        self.run.waker.clone()
+    }
+
+    /// Asks for another tick at once.
+    pub fn tick_again(&mut self) {
+        self.run.wants_tick = true;
+    }
+
+    #[inline]
     fn note_write(&mut self, slot: u32) {
-        if self.run.journal.level == JournalLevel::Writes {
-            self.run.note(self.node, Change::Write { slot });
+        if self.run.journal.level >= JournalLevel::Writes {
+            self.run.note_write(self.node, slot, self.slot_types[slot as usize].as_ref());
         }
+    }
+
+    fn port_idx(&self, port: &str) -> usize {
+        let Some(port_idx) = self.ports.iter().position(|spec| spec.name == port) else {
+            panic!("port {port:?} is not declared");
+        };
+        port_idx
     }
 
     fn writable<T: Any>(&self, port: &str) -> Option<u32> {
@@ -142,9 +202,7 @@ impl<C> Tick<'_, C> {
     }
 
     fn declared<T: Any>(&self, port: &str) -> usize {
-        let Some(port_idx) = self.ports.iter().position(|spec| spec.name == port) else {
-            panic!("port {port:?} is not declared");
-        };
+        let port_idx = self.port_idx(port);
         let port_type = &self.ports[port_idx].port_type;
         assert!(
             port_type.id == TypeId::of::<T>(),

@@ -1,20 +1,36 @@
 //! Values shared between nodes, in numbered slots. Names exist only while a tree is built.
 
-use crate::port::Value;
+use crate::literal::Literal;
+use crate::port::{PortType, Value};
+use crate::script::{Scalar, scalar_of};
 use crate::status::{Failure, reason};
-use std::any::Any;
+use std::any::{Any, TypeId};
 use std::sync::Arc;
 
 /// One shared value.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct Slot {
     pub(crate) value: Option<Value>,
+    /// Number of the last write, from 1 over the whole blackboard; 0 when there was none.
+    pub(crate) sequence: u64,
+    /// Time of the tick in which it was written.
+    pub(crate) stamp_secs: f64,
+}
+
+/// When a blackboard entry was last written.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stamp {
+    /// Number of the write, from 1 over the whole blackboard; 0 when there was none.
+    pub sequence: u64,
+    /// Time of the tick in which it was written, seconds.
+    pub stamp_secs: f64,
 }
 
 /// Gets a field out of a value.
 pub(crate) type Accessor = Arc<dyn Fn(&(dyn Any + Send + Sync)) -> Result<Value, Failure> + Send + Sync>;
 
 /// Where a port's value is, resolved when the tree is built.
+#[derive(Clone)]
 pub(crate) enum Source {
     /// Nothing was given to an optional port.
     Unset,
@@ -50,15 +66,72 @@ impl Source {
     }
 }
 
-/// Puts `value` into `slot`, in place where nobody else holds the old one.
-pub(crate) fn write<T: Any + Send + Sync>(slot: &mut Slot, value: T) {
-    if let Some(old) = &mut slot.value
-        && let Some(place) = Arc::get_mut(old).and_then(|any| any.downcast_mut::<T>())
-    {
-        *place = value;
-    } else {
-        slot.value = Some(Arc::new(value));
+/// The slots and how often they were written.
+#[derive(Clone, Default)]
+pub(crate) struct Blackboard {
+    pub(crate) slots: Vec<Slot>,
+    pub(crate) n_writes: u64,
+}
+
+impl Blackboard {
+    /// Puts `value` into a slot, in place where nobody else holds the old one.
+    pub(crate) fn write<T: Any + Send + Sync>(&mut self, slot: u32, value: T, now_secs: f64) {
+        let slot = self.stamped(slot, now_secs);
+        if let Some(old) = &mut slot.value
+            && let Some(place) = Arc::get_mut(old).and_then(|any| any.downcast_mut::<T>())
+        {
+            *place = value;
+        } else {
+            slot.value = Some(Arc::new(value));
+        }
     }
+
+    /// Puts a value that others hold too into a slot, or empties it.
+    pub(crate) fn put(&mut self, slot: u32, value: Option<Value>, now_secs: f64) {
+        self.stamped(slot, now_secs).value = value;
+    }
+
+    fn stamped(&mut self, slot: u32, now_secs: f64) -> &mut Slot {
+        self.n_writes += 1;
+        let slot = &mut self.slots[slot as usize];
+        slot.sequence = self.n_writes;
+        slot.stamp_secs = now_secs;
+        slot
+    }
+
+    pub(crate) fn stamp(&self, slot: u32) -> Stamp {
+        let slot = &self.slots[slot as usize];
+        Stamp { sequence: slot.sequence, stamp_secs: slot.stamp_secs }
+    }
+}
+
+/// The value of a script as an entry of the type holds it.
+pub(crate) fn to_entry(scalar: Scalar<'_>, old: Option<&Value>, port_type: Option<&PortType>) -> Result<Value, String> {
+    // The frequent types, without a detour.
+    let id = port_type.map_or_else(|| old.map_or(TypeId::of::<Literal>(), |old| (**old).type_id()), |port_type| port_type.id);
+    match &scalar {
+        Scalar::Number(value) if id == TypeId::of::<f64>() => return Ok(Arc::new(*value)),
+        Scalar::Bool(value) if id == TypeId::of::<bool>() => return Ok(Arc::new(*value)),
+        _ if id == TypeId::of::<Literal>() => return Ok(Arc::new(scalar.into_literal())),
+        _ => {}
+    }
+    let convert = port_type.and_then(|port_type| port_type.convert.as_ref());
+    let Some(convert) = convert else {
+        let name = port_type.map_or("another type", PortType::name);
+        return Err(format!("an entry of type {name} cannot be written by a script"));
+    };
+    convert(&scalar.into_literal())
+}
+
+/// A value as a literal, where its type has that form.
+pub(crate) fn to_literal(value: &Value, port_type: Option<&PortType>) -> Option<Literal> {
+    if let Some(scalar) = scalar_of(&**value) {
+        return Some(scalar.into_literal());
+    }
+    if let Some(literal) = value.downcast_ref::<Literal>() {
+        return Some(literal.clone());
+    }
+    port_type?.to_literal.as_ref()?(&**value)
 }
 
 /// The failure of a node that needs a value nobody has written.

@@ -1,96 +1,44 @@
 //! From a [`TreeSpec`] to a [`Tree`]: nodes, scopes and slots. What ports mean to each other is checked in [`crate::check`].
 
-use crate::blackboard::{Slot, Source};
+use crate::blackboard::Source;
 use crate::check::{Board, Use};
 use crate::literal::Literal;
 use crate::nearest::nearest;
 use crate::port::{Direction, PortSpec};
 use crate::problem::{BuildError, Problem};
-use crate::registry::{Factory, NodeClass, NodeModel, Registry};
-use crate::spec::{NodeKind, NodeSpec, PortSetting, PortValue, SubtreeSpec, TreeSpec};
+use crate::condition::{Conditions, Script};
+use crate::leaf::{Leaf, LeafKind, Parts};
+use crate::models::Children;
+use crate::registry::{Factory, Footprint, Registry};
+use crate::script;
+use crate::spec::{NodeKind, NodeSpec, PortSetting, PortValue, SubtreeSpec, TreeSpec, When};
 use crate::status::Status;
-use crate::tree::{Kind, Leaf, NONE, Node, NodeId, Runtime, Tree};
-use std::borrow::Cow;
+use crate::tree::{Kind, NONE, Node, NodeId, Runtime, Tree};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 /// Recursion while ticking stays within any thread's stack.
 const MAX_DEPTH: usize = 256;
 /// Ten subtrees that each use the next ten times would need 10^10 nodes.
 const MAX_NODES: usize = 1_000_000;
 
-/// Models of the nodes that every registry has, in the order of their documentation.
-pub(crate) fn built_in_models() -> Vec<NodeModel> {
-    let control = |name, ports, doc| model(name, NodeClass::Control, ports, doc);
-    let decorator = |name, ports, doc| model(name, NodeClass::Decorator, ports, doc);
-    let at_least_one = |name, doc| PortSpec::setting::<u32>(name).range(1.0, f64::INFINITY).doc(doc);
-    vec![
-        control("sequence", vec![], "Does its children one after the other until one fails."),
-        control("fallback", vec![], "Tries its children one after the other until one succeeds."),
-        control("reactive_sequence", vec![], "A sequence that begins with its first child on every tick."),
-        control("reactive_fallback", vec![], "A fallback that begins with its first child on every tick."),
-        control(
-            "parallel",
-            vec![
-                at_least_one("success", "Successes needed; all children when not given.").optional(),
-                at_least_one("failure", "Failures accepted as the end.").default_value(1),
-            ],
-            "Ticks all its children on every tick.",
-        ),
-        decorator(
-            "retry",
-            vec![
-                at_least_one("attempts", "How often the child is tried."),
-                PortSpec::setting::<Vec<String>>("on")
-                    .default_value(Literal::List(vec![]))
-                    .doc("Reasons to try again; any when empty."),
-            ],
-            "Tries its child again when it fails.",
-        ),
-        decorator(
-            "repeat",
-            vec![at_least_one("times", "Rounds; endless when not given.").optional()],
-            "Does its child again and again.",
-        ),
-        decorator(
-            "timeout",
-            vec![PortSpec::setting::<f64>("secs").range(0.001, f64::INFINITY).doc("Time for the child, seconds.")],
-            "Halts its child and fails when it takes too long.",
-        ),
-        decorator("inverter", vec![], "Succeeds when its child fails and fails when it succeeds."),
-        decorator("force_success", vec![], "Succeeds whatever its child does."),
-        decorator("force_failure", vec![], "Fails whatever its child does."),
-    ]
-}
+/// The port of a name that a script reads.
+static SCRIPT_IN: LazyLock<PortSpec> = LazyLock::new(|| PortSpec::any_key("script", Direction::In));
+/// The port of a name that a script writes.
+static SCRIPT_OUT: LazyLock<PortSpec> = LazyLock::new(|| PortSpec::any_key("script", Direction::Out));
 
-fn model(name: &'static str, class: NodeClass, ports: Vec<PortSpec>, doc: &'static str) -> NodeModel {
-    NodeModel { name: Cow::Borrowed(name), class, ports, doc: Cow::Borrowed(doc) }
-}
-
-fn kind_of(name: &str) -> Kind {
-    match name {
-        "sequence" => Kind::Sequence,
-        "fallback" => Kind::Fallback,
-        "reactive_sequence" => Kind::ReactiveSequence,
-        "reactive_fallback" => Kind::ReactiveFallback,
-        "parallel" => Kind::Parallel,
-        "retry" => Kind::Retry,
-        "repeat" => Kind::Repeat,
-        "timeout" => Kind::Timeout,
-        "inverter" => Kind::Inverter,
-        "force_success" => Kind::ForceSuccess,
-        "force_failure" => Kind::ForceFailure,
-        _ => Kind::Leaf,
-    }
-}
-
-/// The keys that nodes of one tree or subtree see.
+/// The keys that nodes of one tree or subtree see. Scopes stand in [`Builder::scopes`], the root's first.
 #[derive(Default)]
 struct Scope {
     path: String,
     keys: BTreeMap<String, u32>,
     read_only: BTreeSet<String>,
+    /// The scope that keys come from which are not connected.
+    automatic: Option<usize>,
 }
+
+/// The scope of the main tree.
+const ROOT: usize = 0;
 
 struct Builder<'a, C> {
     registry: &'a Registry<C>,
@@ -100,6 +48,9 @@ struct Builder<'a, C> {
     tree: Tree<C>,
     board: Board<'a>,
     errors: Vec<BuildError>,
+    scopes: Vec<Scope>,
+    /// Names of footprints, one bit each.
+    parts: Vec<String>,
     /// Subtrees around the current node.
     open: Vec<&'a str>,
     used: BTreeSet<&'a str>,
@@ -109,18 +60,19 @@ struct Builder<'a, C> {
 
 pub(crate) fn build<C>(registry: &Registry<C>, spec: &TreeSpec) -> Result<Tree<C>, Vec<BuildError>> {
     let mut builder = Builder::new(registry, spec);
-    let mut scope = Scope::default();
+    builder.board.allows_unwritten = spec.allows_unwritten_keys;
+    builder.board.has_untyped_texts = spec.has_untyped_texts;
     for (key, port_type) in &registry.entries {
-        let slot = builder.slot(&mut scope, key);
+        let slot = builder.slot(ROOT, key);
         builder.board.provide(slot, port_type.clone());
     }
     for (key, literal, location) in &spec.entries {
-        let slot = builder.slot(&mut scope, key);
+        let slot = builder.slot(ROOT, key);
         builder.board.start_with(slot, literal, *location, key);
     }
-    builder.node(&spec.root, NONE, &mut scope);
+    builder.node(&spec.root, NONE, ROOT);
     builder.check_unused_subtrees();
-    builder.finish(scope)
+    builder.finish()
 }
 
 impl<'a, C> Builder<'a, C> {
@@ -130,13 +82,17 @@ impl<'a, C> Builder<'a, C> {
             children: Vec::new(),
             sources: Vec::new(),
             leaves: Vec::new(),
-            models: registry.models.clone(),
+            scripts: Vec::new(),
+            conditions: Vec::new(),
+            lists: registry.lists.clone(),
+            models: Arc::clone(&registry.models),
             titles: BTreeMap::new(),
             locations: Vec::new(),
             slot_keys: Vec::new(),
             slot_types: Vec::new(),
             root_keys: BTreeMap::new(),
-            run: Runtime::new(Vec::new()),
+            kept: BTreeMap::new(),
+            run: Runtime::default(),
         };
         let names = registry.models.iter().enumerate().map(|(model_idx, model)| (&*model.name, model_idx)).collect();
         let (mut subtrees, mut errors) = (BTreeMap::new(), Vec::new());
@@ -147,7 +103,8 @@ impl<'a, C> Builder<'a, C> {
             }
         }
         let (board, open, used) = (Board::default(), Vec::new(), BTreeSet::new());
-        Self { registry, spec, names, subtrees, tree, board, errors, open, used, depth: 0, is_full: false }
+        let (scopes, parts) = (vec![Scope::default()], Vec::new());
+        Self { registry, spec, names, subtrees, tree, board, errors, scopes, parts, open, used, depth: 0, is_full: false }
     }
 
     fn error(&mut self, location: u32, id: NodeId, problem: Problem, help: Option<String>) {
@@ -156,17 +113,32 @@ impl<'a, C> Builder<'a, C> {
     }
 
     /// The slot of `key`, new if the scope does not know it.
-    fn slot(&mut self, scope: &mut Scope, key: &str) -> u32 {
-        if let Some(&slot) = scope.keys.get(key) {
+    fn slot(&mut self, scope: usize, key: &str) -> u32 {
+        if let Some(key) = key.strip_prefix('@') {
+            return self.slot(ROOT, key);
+        }
+        if let Some(&slot) = self.scopes[scope].keys.get(key) {
             return slot;
         }
-        let slot = self.board.add_slot();
-        self.tree.slot_keys.push(if scope.path.is_empty() { key.to_owned() } else { format!("{}:{key}", scope.path) });
-        scope.keys.insert(key.to_owned(), slot);
+        let slot = match self.scopes[scope].automatic {
+            Some(outer) if !key.starts_with('_') => self.slot(outer, key),
+            _ => {
+                let path = &self.scopes[scope].path;
+                self.tree.slot_keys.push(if path.is_empty() { key.to_owned() } else { format!("{path}:{key}") });
+                self.board.add_slot()
+            }
+        };
+        self.scopes[scope].keys.insert(key.to_owned(), slot);
         slot
     }
 
-    fn node(&mut self, spec: &'a NodeSpec, parent: NodeId, scope: &mut Scope) -> NodeId {
+    /// A new scope inside another.
+    fn add_scope(&mut self, scope: Scope) -> usize {
+        self.scopes.push(scope);
+        self.scopes.len() - 1
+    }
+
+    fn node(&mut self, spec: &'a NodeSpec, parent: NodeId, scope: usize) -> NodeId {
         let id = u32::try_from(self.tree.nodes.len()).unwrap_or(NONE);
         if self.depth >= MAX_DEPTH {
             self.error(spec.location, parent, Problem::TooDeep { limit: MAX_DEPTH }, None);
@@ -200,11 +172,13 @@ impl<'a, C> Builder<'a, C> {
             n_children: index(n_children),
             first_source: index(first_source),
             leaf: NONE,
+            conditions: NONE,
+            flags: 0,
             cursor: 0,
             count: 0,
             n_failed: 0,
-            limit: NONE,
             deadline_secs: 0.0,
+            seen: 0,
         });
         self.tree.locations.push(spec.location);
         if let Some(title) = title {
@@ -212,7 +186,7 @@ impl<'a, C> Builder<'a, C> {
         }
     }
 
-    fn named(&mut self, spec: &'a NodeSpec, name: &str, id: NodeId, parent: NodeId, scope: &mut Scope) {
+    fn named(&mut self, spec: &'a NodeSpec, name: &str, id: NodeId, parent: NodeId, scope: usize) {
         let Some(&model_idx) = self.names.get(name) else {
             self.push(spec, Some(spec.title.as_deref().unwrap_or(name)), Kind::Sequence, 0, parent, spec.children.len());
             let help = nearest(name, self.names.keys().copied()).map(|near| format!("did you mean {near:?}?"));
@@ -220,38 +194,176 @@ impl<'a, C> Builder<'a, C> {
             return self.children(spec, id, scope);
         };
         let model = &self.registry.models[model_idx];
-        self.push(spec, spec.title.as_deref(), kind_of(name), index(model_idx), parent, spec.children.len());
-        let (fits, expected) = match model.class {
-            NodeClass::Control => (!spec.children.is_empty(), "at least one child"),
-            NodeClass::Decorator => (spec.children.len() == 1, "exactly one child"),
-            _ => (spec.children.is_empty(), "no children"),
+        let (kind, children) = match &self.registry.factories[model_idx] {
+            Factory::BuiltIn(kind, children) => (*kind, *children),
+            _ => (Kind::Leaf, Children::None),
         };
-        if !fits {
-            let problem = Problem::ChildCount { kind: name.to_owned(), expected, n_found: spec.children.len() };
-            self.error(spec.location, id, problem, None);
-        }
+        self.push(spec, spec.title.as_deref(), kind, index(model_idx), parent, spec.children.len());
+        self.check_children(spec, name, children, id);
+        self.conditions(spec, id, scope, true);
+        self.tree.nodes[id as usize].first_source = index(self.tree.sources.len());
         self.ports(spec, model_idx, id, scope);
+        self.scripts_of_ports(spec, kind, id, scope);
         let leaf = match &self.registry.factories[model_idx] {
-            Factory::BuiltIn => None,
-            Factory::Action(make) => Some(Leaf::Action(make())),
-            Factory::Condition(holds) => Some(Leaf::Condition(Arc::clone(holds))),
-            Factory::Step(run) => Some(Leaf::Step(Arc::clone(run))),
+            Factory::BuiltIn(..) => None,
+            Factory::Action(make) => Some(LeafKind::Action(make())),
+            Factory::Condition(holds) => Some(LeafKind::Condition(Arc::clone(holds))),
+            Factory::Step(run) => Some(LeafKind::Step(Arc::clone(run))),
         };
-        if let Some(leaf) = leaf {
+        if let Some(kind) = leaf {
             self.tree.nodes[id as usize].leaf = index(self.tree.leaves.len());
-            self.tree.leaves.push(leaf);
+            let parts = self.parts_of(&model.footprint);
+            self.tree.leaves.push(Leaf { kind, parts });
         }
         self.children(spec, id, scope);
+        self.conditions(spec, id, scope, false);
     }
 
-    fn children(&mut self, spec: &'a NodeSpec, id: NodeId, scope: &mut Scope) {
+    fn check_children(&mut self, spec: &'a NodeSpec, name: &str, children: Children, id: NodeId) {
+        let n_found = spec.children.len();
+        // The children of these stand beside a list of the same length.
+        let items = |port: &str| match spec.ports.iter().find(|setting| setting.name == port).map(|setting| &setting.value) {
+            Some(PortValue::Literal(Literal::List(items))) => items.len() + 1,
+            _ => n_found.max(1),
+        };
+        let (fits, expected) = match children {
+            Children::None => (n_found == 0, "no children".to_owned()),
+            Children::One => (n_found == 1, "exactly one child".to_owned()),
+            Children::AtLeast(1) => (n_found >= 1, "at least one child".to_owned()),
+            Children::AtLeast(n) => (n_found >= n, format!("at least {n} children")),
+            Children::TwoOrThree => (n_found == 2 || n_found == 3, "two or three children".to_owned()),
+            Children::OneMoreThanCases => (n_found == items("cases"), format!("{} children: one for each case and one more", items("cases"))),
+            Children::OneMoreThanReasons => {
+                (n_found == items("on"), format!("{} children: what is done and one for each reason", items("on")))
+            }
+        };
+        if !fits {
+            let problem = Problem::ChildCount { kind: name.to_owned(), expected, n_found };
+            self.error(spec.location, id, problem, None);
+        }
+    }
+
+    /// Compiles the pre-conditions (`before`) or the post-conditions of a node.
+    fn conditions(&mut self, spec: &'a NodeSpec, id: NodeId, scope: usize, before: bool) {
+        for (condition_idx, condition) in spec.conditions.iter().enumerate() {
+            let is_condition = condition.when <= When::While;
+            if is_condition != before {
+                continue;
+            }
+            if spec.conditions[..condition_idx].iter().any(|earlier| earlier.when == condition.when) {
+                let port = condition.when.name().to_owned();
+                self.error(condition.location, id, Problem::DuplicatePort { port }, None);
+                continue;
+            }
+            let script = self.script(condition.when.name(), &condition.script, is_condition, id, condition.location, scope);
+            if self.tree.nodes[id as usize].conditions == NONE {
+                self.tree.nodes[id as usize].conditions = index(self.tree.conditions.len());
+                self.tree.conditions.push(Conditions::default());
+            }
+            let conditions_idx = self.tree.nodes[id as usize].conditions as usize;
+            self.tree.conditions[conditions_idx].0[condition.when as usize] = script;
+        }
+    }
+
+    /// Compiles the script that a built-in node has in a port.
+    fn scripts_of_ports(&mut self, spec: &'a NodeSpec, kind: Kind, id: NodeId, scope: usize) {
+        let (port, is_condition) = match kind {
+            Kind::Script => ("code", false),
+            Kind::ScriptCondition => ("code", true),
+            Kind::Precondition => ("if", true),
+            _ => return,
+        };
+        let Some(setting) = spec.ports.iter().find(|setting| setting.name == port) else { return };
+        match &setting.value {
+            PortValue::Literal(Literal::Text(text)) => {
+                let script = self.script(port, text, is_condition, id, setting.location, scope);
+                self.tree.nodes[id as usize].leaf = script.unwrap_or(NONE);
+            }
+            PortValue::Literal(Literal::Bool(value)) if is_condition => {
+                let text = if *value { "true" } else { "false" };
+                let script = self.script(port, text, is_condition, id, setting.location, scope);
+                self.tree.nodes[id as usize].leaf = script.unwrap_or(NONE);
+            }
+            PortValue::Literal(_) => {}
+            PortValue::Key(_) => {
+                let problem =
+                    Problem::BadLiteral { port: port.to_owned(), message: "expected a script, found a blackboard key".to_owned() };
+                self.error(setting.location, id, problem, Some("scripts are read when the tree is built".to_owned()));
+            }
+        }
+    }
+
+    /// Compiles a script; its names become sources one after the other.
+    fn script(
+        &mut self,
+        label: &'static str,
+        text: &'a str,
+        is_condition: bool,
+        id: NodeId,
+        location: u32,
+        scope: usize,
+    ) -> Option<u32> {
+        let parsed = match script::parse(text, is_condition) {
+            Ok(parsed) => parsed,
+            Err(error) => {
+                let shown = text.get(error.at.clone()).unwrap_or("").chars().take(40).collect::<String>();
+                let column = text[..error.at.start.min(text.len())].chars().count() + 1;
+                let near = if shown.trim().is_empty() { String::new() } else { format!(" ({shown:?})") };
+                let message = format!("{}, at letter {column}{near}", error.message);
+                self.error(location, id, Problem::BadLiteral { port: label.to_owned(), message }, None);
+                return None;
+            }
+        };
+        let first_source = index(self.tree.sources.len());
+        for name in &parsed.names {
+            let mut words = name.key.split('.');
+            let base = words.next().unwrap_or(&name.key);
+            let fields: Vec<String> = words.map(str::to_owned).collect();
+            if name.is_written && self.scopes[scope].read_only.contains(base) {
+                let problem = Problem::ReadOnlyKey { port: label.to_owned(), key: base.to_owned() };
+                let help = "declare it under `out` or `inout`, or write another key";
+                self.error(location, id, problem, Some(help.to_owned()));
+            }
+            let slot = self.slot(scope, base);
+            let source_idx = self.tree.sources.len();
+            let directions: &[&'static LazyLock<PortSpec>] = match (name.is_read, name.is_written) {
+                (true, true) => &[&SCRIPT_IN, &SCRIPT_OUT],
+                (false, true) => &[&SCRIPT_OUT],
+                _ => &[&SCRIPT_IN],
+            };
+            for port in directions {
+                let (key, fields) = (name.key.clone(), fields.clone());
+                self.board.uses.push(Use { slot, port, label, fields, node: id, location, key, source_idx });
+            }
+            self.tree.sources.push(Source::Slot(slot));
+        }
+        self.tree.scripts.push(Script { statements: parsed.statements, first_source });
+        Some(index(self.tree.scripts.len() - 1))
+    }
+
+    /// The bits of a footprint.
+    fn parts_of(&mut self, footprint: &Footprint) -> Parts {
+        let Footprint::Parts(names) = footprint else { return Parts::UNDECLARED };
+        let mut bits = 0;
+        for name in names {
+            let part_idx = self.parts.iter().position(|known| known == name).unwrap_or_else(|| {
+                self.parts.push(name.to_string());
+                self.parts.len() - 1
+            });
+            // More names than bits: the last bit stands for all others, which only holds back more.
+            bits |= 1 << part_idx.min(63);
+        }
+        Parts::named(bits)
+    }
+
+    fn children(&mut self, spec: &'a NodeSpec, id: NodeId, scope: usize) {
         let first_child = self.tree.nodes[id as usize].first_child as usize;
         for (child_idx, child) in spec.children.iter().enumerate() {
             self.tree.children[first_child + child_idx] = self.node(child, id, scope);
         }
     }
 
-    fn ports(&mut self, spec: &'a NodeSpec, model_idx: usize, id: NodeId, scope: &mut Scope) {
+    fn ports(&mut self, spec: &'a NodeSpec, model_idx: usize, id: NodeId, scope: usize) {
         let model = &self.registry.models[model_idx];
         if !spec.ports.is_empty() {
             let known: Vec<&str> = model.ports.iter().map(PortSpec::name).collect();
@@ -260,7 +372,7 @@ impl<'a, C> Builder<'a, C> {
         for (port_idx, port) in model.ports.iter().enumerate() {
             let given = spec.ports.iter().find(|setting| setting.name == port.name);
             let source = match given.map(|setting| (&setting.value, setting.location)) {
-                Some((PortValue::Literal(literal), location)) => self.literal(port, literal, id, location),
+                Some((PortValue::Literal(literal), location)) => self.literal(port, literal, id, location, scope),
                 Some((PortValue::Key(key), location)) => self.key(port, key, id, location, scope),
                 None => match (&port.default_key, &self.registry.defaults[model_idx][port_idx]) {
                     (Some(key), _) => self.key(port, key, id, spec.location, scope),
@@ -294,13 +406,25 @@ impl<'a, C> Builder<'a, C> {
         }
     }
 
-    fn literal(&mut self, port: &PortSpec, literal: &Literal, id: NodeId, location: u32) -> Source {
+    fn literal(&mut self, port: &'a PortSpec, literal: &'a Literal, id: NodeId, location: u32, scope: usize) -> Source {
         let name = port.name.to_string();
+        // Other formats write `output_key="x"` for the key x.
+        if let Literal::Text(key) = literal
+            && self.spec.has_untyped_texts
+            && port.port_type.is_any()
+            && port.port_type.convert.is_none()
+        {
+            return self.key(port, key, id, location, scope);
+        }
         if port.direction.writes() {
             self.error(location, id, Problem::OutputNeedsKey { port: name }, None);
             return Source::Unset;
         }
-        match port.value_of(literal) {
+        let value = match literal {
+            Literal::Text(text) if self.spec.has_untyped_texts => port.value_of_text(text),
+            _ => port.value_of(literal),
+        };
+        match value {
             Ok(value) => Source::Literal(value),
             Err(message) => {
                 let help = port.doc_text();
@@ -311,11 +435,11 @@ impl<'a, C> Builder<'a, C> {
         }
     }
 
-    fn key(&mut self, port: &'a PortSpec, key: &'a str, id: NodeId, location: u32, scope: &mut Scope) -> Source {
+    fn key(&mut self, port: &'a PortSpec, key: &'a str, id: NodeId, location: u32, scope: usize) -> Source {
         let mut words = key.split('.');
         let base = words.next().unwrap_or(key);
         let fields: Vec<String> = words.map(str::to_owned).collect();
-        if port.direction.writes() && (scope.read_only.contains(base) || !fields.is_empty()) {
+        if port.direction.writes() && (self.scopes[scope].read_only.contains(base) || !fields.is_empty()) {
             let problem = Problem::ReadOnlyKey { port: port.name.to_string(), key: key.to_owned() };
             let help = if fields.is_empty() {
                 "declare it under `out` or `inout`, or write another key"
@@ -326,11 +450,12 @@ impl<'a, C> Builder<'a, C> {
         }
         let slot = self.slot(scope, base);
         let source_idx = self.tree.sources.len();
-        self.board.uses.push(Use { slot, port, fields, node: id, location, key, source_idx });
+        let (label, key) = (&port.name, key.to_owned());
+        self.board.uses.push(Use { slot, port, label, fields, node: id, location, key, source_idx });
         Source::Slot(slot)
     }
 
-    fn subtree(&mut self, spec: &'a NodeSpec, name: &'a str, id: NodeId, parent: NodeId, scope: &mut Scope) {
+    fn subtree(&mut self, spec: &'a NodeSpec, name: &'a str, id: NodeId, parent: NodeId, scope: usize) {
         self.push(spec, Some(spec.title.as_deref().unwrap_or(name)), Kind::Subtree, NONE, parent, 1);
         let Some(&subtree) = self.subtrees.get(name) else {
             let help = match nearest(name, self.subtrees.keys().copied()) {
@@ -345,48 +470,71 @@ impl<'a, C> Builder<'a, C> {
             let chain = self.open.iter().chain([&name]).copied().collect::<Vec<_>>().join(" -> ");
             return self.error(spec.location, id, Problem::RecursiveSubtree { name: name.to_owned(), chain }, None);
         }
-        let known: Vec<&str> = subtree.ports.iter().map(|port| port.name.as_str()).collect();
-        self.unknown_ports(spec, name, &known, id);
-        let mut inner = Scope { path: self.tree.path(id), ..Scope::default() };
+        self.conditions(spec, id, scope, true);
+        if !subtree.is_open {
+            let known: Vec<&str> = subtree.ports.iter().map(|port| port.name.as_str()).collect();
+            self.unknown_ports(spec, name, &known, id);
+        }
+        let inner = self.add_scope(Scope {
+            path: self.tree.path(id),
+            automatic: spec.is_autoremapped.then_some(scope),
+            ..Scope::default()
+        });
         for port in &subtree.ports {
             let setting = spec.ports.iter().find(|setting| setting.name == port.name);
-            if port.direction == Direction::In {
-                inner.read_only.insert(port.name.clone());
+            if port.direction == Direction::In && !subtree.is_open {
+                self.scopes[inner].read_only.insert(port.name.clone());
             }
             match (setting, &port.default) {
-                (Some(PortSetting { value: PortValue::Key(key), location, .. }), _) if key.contains('.') => {
-                    let problem = Problem::BadLiteral {
-                        port: port.name.clone(),
-                        message: "a field cannot be a port of a subtree".to_owned(),
-                    };
-                    self.error(*location, id, problem, Some("pass the whole value and name the field inside".to_owned()));
-                }
-                (Some(PortSetting { value: PortValue::Key(key), .. }), _) => {
-                    let slot = self.slot(scope, key);
-                    inner.keys.insert(port.name.clone(), slot);
-                }
-                (Some(PortSetting { value: PortValue::Literal(literal), location, .. }), _) => {
-                    if port.direction.writes() {
-                        self.error(*location, id, Problem::OutputNeedsKey { port: port.name.clone() }, None);
-                    }
-                    let slot = self.slot(&mut inner, &port.name);
-                    self.board.start_with(slot, literal, *location, &port.name);
-                }
+                (Some(setting), _) => self.connect(setting, port.direction, id, scope, inner),
                 (None, Some(literal)) => {
-                    let slot = self.slot(&mut inner, &port.name);
+                    let slot = self.slot(inner, &port.name);
                     self.board.start_with(slot, literal, port.location, &port.name);
                 }
                 (None, None) => {
                     let slot = self.slot(scope, &port.name);
-                    inner.keys.insert(port.name.clone(), slot);
+                    self.scopes[inner].keys.insert(port.name.clone(), slot);
                 }
             }
         }
+        for setting in &spec.ports {
+            if subtree.is_open && !subtree.ports.iter().any(|port| port.name == setting.name) {
+                self.connect(setting, Direction::In, id, scope, inner);
+            }
+        }
         self.open.push(name);
-        let child = self.node(&subtree.root, id, &mut inner);
+        let child = self.node(&subtree.root, id, inner);
         self.open.pop();
         let first_child = self.tree.nodes[id as usize].first_child as usize;
         self.tree.children[first_child] = child;
+        self.conditions(spec, id, scope, false);
+    }
+
+    /// What the user of a subtree gives for a key inside.
+    fn connect(&mut self, setting: &'a PortSetting, direction: Direction, id: NodeId, scope: usize, inner: usize) {
+        let name = &setting.name;
+        match &setting.value {
+            PortValue::Key(key) if key.contains('.') => {
+                let message = "a field cannot be a port of a subtree".to_owned();
+                let problem = Problem::BadLiteral { port: name.clone(), message };
+                let help = "pass the whole value and name the field inside";
+                self.error(setting.location, id, problem, Some(help.to_owned()));
+            }
+            PortValue::Key(key) => {
+                let slot = self.slot(scope, key);
+                self.scopes[inner].keys.insert(name.clone(), slot);
+            }
+            PortValue::Literal(literal) => {
+                if direction.writes() {
+                    self.error(setting.location, id, Problem::OutputNeedsKey { port: name.clone() }, None);
+                }
+                // A value given is the key's own, whatever has that name outside.
+                let automatic = self.scopes[inner].automatic.take();
+                let slot = self.slot(inner, name);
+                self.scopes[inner].automatic = automatic;
+                self.board.start_with(slot, literal, setting.location, name);
+            }
+        }
     }
 
     /// A subtree that nobody uses yet is still checked, with its inputs taken as given.
@@ -395,9 +543,9 @@ impl<'a, C> Builder<'a, C> {
             if self.used.contains(subtree.name.as_str()) || self.is_full {
                 continue;
             }
-            let mut scope = Scope { path: subtree.name.clone(), ..Scope::default() };
+            let scope = self.add_scope(Scope { path: subtree.name.clone(), ..Scope::default() });
             for port in &subtree.ports {
-                let slot = self.slot(&mut scope, &port.name);
+                let slot = self.slot(scope, &port.name);
                 if port.direction.reads() {
                     self.board.assume(slot);
                 }
@@ -405,13 +553,13 @@ impl<'a, C> Builder<'a, C> {
             self.open.push(&subtree.name);
             // Its nodes are forgotten: any error keeps the tree from being made, and without one they are cut off below.
             let n_nodes = self.tree.nodes.len();
-            self.node(&subtree.root, NONE, &mut scope);
+            self.node(&subtree.root, NONE, scope);
             self.board.n_kept_nodes.get_or_insert(n_nodes);
             self.open.pop();
         }
     }
 
-    fn finish(mut self, scope: Scope) -> Result<Tree<C>, Vec<BuildError>> {
+    fn finish(mut self) -> Result<Tree<C>, Vec<BuildError>> {
         if !self.is_full {
             let (board, registry) = (&mut self.board, self.registry);
             self.errors.extend(board.check(&mut self.tree, &registry.fields));
@@ -426,7 +574,7 @@ impl<'a, C> Builder<'a, C> {
             self.tree.nodes.truncate(n_nodes);
             self.tree.locations.truncate(n_nodes);
         }
-        self.tree.root_keys = scope.keys;
+        self.tree.root_keys = std::mem::take(&mut self.scopes[ROOT].keys);
         Ok(self.tree)
     }
 }
@@ -434,10 +582,4 @@ impl<'a, C> Builder<'a, C> {
 #[expect(clippy::cast_possible_truncation, reason = "bounded by MAX_NODES times the ports of a node")]
 fn index(count: usize) -> u32 {
     count as u32
-}
-
-impl Slot {
-    pub(crate) fn with(value: Option<crate::port::Value>) -> Self {
-        Self { value }
-    }
 }

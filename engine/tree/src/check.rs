@@ -1,7 +1,7 @@
 //! What the ports of a tree mean to each other: one type a key, no key read before it is written, fields that exist.
 
 use crate::blackboard::{Accessor, Slot, Source};
-use crate::literal::Literal;
+use crate::literal::{Literal, Shape};
 use crate::nearest::nearest;
 use crate::port::{PortSpec, PortType, Value};
 use crate::problem::{BuildError, Problem};
@@ -14,10 +14,12 @@ use std::sync::Arc;
 pub(crate) struct Use<'a> {
     pub(crate) slot: u32,
     pub(crate) port: &'a PortSpec,
+    /// What messages call the port.
+    pub(crate) label: &'a str,
     pub(crate) fields: Vec<String>,
     pub(crate) node: NodeId,
     pub(crate) location: u32,
-    pub(crate) key: &'a str,
+    pub(crate) key: String,
     pub(crate) source_idx: usize,
 }
 
@@ -35,6 +37,10 @@ pub(crate) struct Board<'a> {
     drafts: Vec<Draft<'a>>,
     pub(crate) uses: Vec<Use<'a>>,
     pub(crate) n_kept_nodes: Option<usize>,
+    /// Whether a key may be read that nothing writes.
+    pub(crate) allows_unwritten: bool,
+    /// Whether texts of the file may stand for numbers.
+    pub(crate) has_untyped_texts: bool,
 }
 
 /// Who settled the type of a slot.
@@ -75,7 +81,13 @@ impl<'a> Board<'a> {
         let settled = self.settle();
         self.check_dangling(tree, &mut errors);
         for one in &self.uses {
-            let Some(settled) = &settled[one.slot as usize] else { continue };
+            let Some(settled) = &settled[one.slot as usize] else {
+                if let Some(field) = one.fields.first() {
+                    let (port, type_name) = (one.label.to_owned(), "a value of unknown type".to_owned());
+                    errors.push(error_at(tree, one, Problem::UnknownField { port, type_name, field: field.clone() }, None));
+                }
+                continue;
+            };
             let problem = if one.fields.is_empty() {
                 type_clash(tree, one, settled)
             } else {
@@ -104,7 +116,7 @@ impl<'a> Board<'a> {
                 },
                 None => None,
             };
-            tree.run.slots.push(Slot::with(value));
+            tree.run.board.slots.push(Slot { value, ..Slot::default() });
         }
         tree.slot_types = settled.into_iter().map(|settled| settled.map(|settled| settled.port_type)).collect();
         errors
@@ -117,7 +129,8 @@ impl<'a> Board<'a> {
         for wants_writer in [true, false] {
             for one in &self.uses {
                 let place = &mut settled[one.slot as usize];
-                if place.is_none() && one.fields.is_empty() && (one.port.direction.writes() || !wants_writer) {
+                let is_any = one.port.port_type.is_any();
+                if place.is_none() && !is_any && one.fields.is_empty() && (one.port.direction.writes() || !wants_writer) {
                     *place = Some(Settled { port_type: one.port.port_type.clone(), by: Some((one.node, wants_writer)) });
                 }
             }
@@ -130,13 +143,13 @@ impl<'a> Board<'a> {
             self.drafts.iter().map(|draft| draft.is_assumed || draft.provided.is_some() || draft.initial.is_some()).collect();
         for (use_idx, one) in self.uses.iter().enumerate() {
             let slot = one.slot as usize;
-            if one.port.direction.reads() && one.port.required && !is_written[slot] {
+            if one.port.direction.reads() && one.port.required && !is_written[slot] && !self.allows_unwritten {
                 let later = self.uses[use_idx..].iter().find(|other| other.slot == one.slot && other.port.direction.writes());
                 let help = match later {
                     Some(later) if later.node != one.node => Some(format!("it is written later, by {}", tree.path(later.node))),
                     _ => help_for_unwritten(tree, one, &is_written),
                 };
-                let problem = Problem::DanglingKey { port: one.port.name.to_string(), key: one.key.to_owned() };
+                let problem = Problem::DanglingKey { port: one.label.to_owned(), key: one.key.clone() };
                 errors.push(error_at(tree, one, problem, help));
             }
             is_written[slot] |= one.port.direction.writes();
@@ -146,9 +159,16 @@ impl<'a> Board<'a> {
     /// The value of an entry that begins with a literal: converted as its first user that takes literals wants it.
     fn initial(&self, slot: usize, literal: &Literal) -> Result<Value, String> {
         let users = || self.uses.iter().filter(|one| one.slot as usize == slot && one.fields.is_empty());
-        match users().find(|one| one.port.port_type.convert.is_some()).or_else(|| users().next()) {
-            Some(one) => one.port.value_of(literal),
-            None => Ok(Arc::new(literal.clone())),
+        let typed = || users().filter(|one| !one.port.port_type.is_any());
+        match typed().find(|one| one.port.port_type.convert.is_some()).or_else(|| typed().next()) {
+            Some(one) => match literal {
+                Literal::Text(text) if self.has_untyped_texts => one.port.value_of_text(text),
+                _ => one.port.value_of(literal),
+            },
+            None => Ok(Arc::new(match literal {
+                Literal::Text(text) if self.has_untyped_texts => Literal::from_text(text, &Shape::Any),
+                _ => literal.clone(),
+            })),
         }
     }
 }
@@ -168,14 +188,14 @@ fn help_for_unwritten<C>(tree: &Tree<C>, one: &Use<'_>, is_written: &[bool]) -> 
 type Finding = (Problem, Option<String>);
 
 fn type_clash<C>(tree: &Tree<C>, one: &Use<'_>, settled: &Settled) -> Option<Finding> {
-    if one.port.port_type.id == settled.port_type.id {
+    if one.port.port_type.is_any() || one.port.port_type.id == settled.port_type.id {
         return None;
     }
     let (other, other_does) = match settled.by {
         None => ("the application".to_owned(), "provides"),
         Some((node, writes)) => (tree.path(node), if writes { "writes" } else { "reads" }),
     };
-    let (port, key, found) = (one.port.name.to_string(), one.key.to_owned(), one.port.port_type.name.clone());
+    let (port, key, found) = (one.label.to_owned(), one.key.clone(), one.port.port_type.name.clone());
     Some((Problem::TypeClash { port, key, found, expected: settled.port_type.name.clone(), other, other_does }, None))
 }
 
@@ -194,16 +214,16 @@ fn resolve_fields(
                 None if known.is_empty() => "it has no fields".to_owned(),
                 None => format!("its fields are {}", known.join(", ")),
             };
-            let (port, type_name) = (one.port.name.to_string(), port_type.name);
+            let (port, type_name) = (one.label.to_owned(), port_type.name);
             return Err(Box::new((Problem::UnknownField { port, type_name, field: field.clone() }, Some(help))));
         };
         accessors.push(Arc::clone(accessor));
         port_type = next.clone();
     }
-    if port_type.id == one.port.port_type.id {
+    if one.port.port_type.is_any() || port_type.id == one.port.port_type.id {
         return Ok(accessors);
     }
-    let (port, key, found) = (one.port.name.to_string(), one.key.to_owned(), one.port.port_type.name.clone());
+    let (port, key, found) = (one.label.to_owned(), one.key.clone(), one.port.port_type.name.clone());
     let (other, other_does) = ("the field".to_owned(), "provides");
     Err(Box::new((Problem::TypeClash { port, key, found, expected: port_type.name, other, other_does }, None)))
 }

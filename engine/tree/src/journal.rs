@@ -1,5 +1,6 @@
 //! What happened, in order.
 
+use crate::literal::Literal;
 use crate::status::{Failure, Status};
 
 /// How much is written down.
@@ -12,6 +13,8 @@ pub enum JournalLevel {
     Transitions,
     /// Port writes as well.
     Writes,
+    /// Port writes with their values, where these have the form of a literal.
+    Values,
 }
 
 /// One event.
@@ -43,6 +46,8 @@ pub enum Change {
     Write {
         /// Number of the entry.
         slot: u32,
+        /// What was written, at [`JournalLevel::Values`].
+        value: Option<Box<Literal>>,
     },
 }
 

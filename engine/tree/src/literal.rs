@@ -80,6 +80,37 @@ pub trait FromLiteral: Sized {
     /// # Errors
     /// What was expected and what was found, as a text without a full stop.
     fn from_literal(literal: &Literal) -> Result<Self, String>;
+
+    /// The literal that [`from_literal`](Self::from_literal) makes this value from: lets scripts read it and a saved run keep it.
+    fn to_literal(&self) -> Option<Literal> {
+        None
+    }
+}
+
+impl Literal {
+    /// An untyped text read as `shape`; what does not look like it stays a text, for the conversion to refuse.
+    #[must_use]
+    pub fn from_text(text: &str, shape: &Shape) -> Self {
+        let trimmed = text.trim();
+        match shape {
+            Shape::Bool => match trimmed {
+                "true" | "True" | "TRUE" | "1" => Self::Bool(true),
+                "false" | "False" | "FALSE" | "0" => Self::Bool(false),
+                _ => Self::Text(text.to_owned()),
+            },
+            Shape::Int => trimmed.parse().map_or_else(|_text| Self::Text(text.to_owned()), Self::Int),
+            Shape::Float => trimmed.parse().map_or_else(|_text| Self::Text(text.to_owned()), Self::Float),
+            Shape::List(item, _) => {
+                Self::List(trimmed.split(';').filter(|part| !part.is_empty()).map(|part| Self::from_text(part, item)).collect())
+            }
+            Shape::Any => match (trimmed.parse(), trimmed.parse::<f64>()) {
+                (Ok(number), _) => Self::Int(number),
+                (_, Ok(number)) if number.is_finite() => Self::Float(number),
+                _ => Self::Text(text.to_owned()),
+            },
+            Shape::Text | Shape::OneOf(_) | Shape::Map => Self::Text(text.to_owned()),
+        }
+    }
 }
 
 fn mismatch<T: FromLiteral>(literal: &Literal) -> String {
@@ -87,6 +118,9 @@ fn mismatch<T: FromLiteral>(literal: &Literal) -> String {
 }
 
 impl FromLiteral for bool {
+    fn to_literal(&self) -> Option<Literal> {
+        Some(Literal::Bool(*self))
+    }
     fn shape() -> Shape {
         Shape::Bool
     }
@@ -101,6 +135,9 @@ impl FromLiteral for bool {
 macro_rules! integers {
     ($($integer:ty),*) => { $(
         impl FromLiteral for $integer {
+            fn to_literal(&self) -> Option<Literal> {
+                i64::try_from(*self).ok().map(Literal::Int)
+            }
             fn shape() -> Shape {
                 Shape::Int
             }
@@ -118,6 +155,9 @@ macro_rules! integers {
 integers!(i32, i64, u8, u32, u64, usize);
 
 impl FromLiteral for f64 {
+    fn to_literal(&self) -> Option<Literal> {
+        Some(Literal::Float(*self))
+    }
     fn shape() -> Shape {
         Shape::Float
     }
@@ -133,6 +173,9 @@ impl FromLiteral for f64 {
 }
 
 impl FromLiteral for String {
+    fn to_literal(&self) -> Option<Literal> {
+        Some(Literal::Text(self.clone()))
+    }
     fn shape() -> Shape {
         Shape::Text
     }
@@ -145,6 +188,9 @@ impl FromLiteral for String {
 }
 
 impl FromLiteral for Literal {
+    fn to_literal(&self) -> Option<Literal> {
+        Some(self.clone())
+    }
     fn shape() -> Shape {
         Shape::Any
     }
@@ -154,6 +200,9 @@ impl FromLiteral for Literal {
 }
 
 impl<T: FromLiteral> FromLiteral for Vec<T> {
+    fn to_literal(&self) -> Option<Literal> {
+        Some(Literal::List(self.iter().map(T::to_literal).collect::<Option<_>>()?))
+    }
     fn shape() -> Shape {
         Shape::List(Box::new(T::shape()), None)
     }
@@ -166,6 +215,9 @@ impl<T: FromLiteral> FromLiteral for Vec<T> {
 }
 
 impl<T: FromLiteral, const N: usize> FromLiteral for [T; N] {
+    fn to_literal(&self) -> Option<Literal> {
+        Some(Literal::List(self.iter().map(T::to_literal).collect::<Option<_>>()?))
+    }
     fn shape() -> Shape {
         Shape::List(Box::new(T::shape()), Some(N))
     }
@@ -180,6 +232,9 @@ impl<T: FromLiteral, const N: usize> FromLiteral for [T; N] {
 }
 
 impl<T: FromLiteral> FromLiteral for BTreeMap<String, T> {
+    fn to_literal(&self) -> Option<Literal> {
+        Some(Literal::Map(self.iter().map(|(key, value)| Some((key.clone(), value.to_literal()?))).collect::<Option<_>>()?))
+    }
     fn shape() -> Shape {
         Shape::Map
     }

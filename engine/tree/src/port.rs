@@ -9,6 +9,10 @@ use std::sync::Arc;
 /// A shared value of any type.
 pub(crate) type Value = Arc<dyn Any + Send + Sync>;
 type Convert = Arc<dyn Fn(&Literal) -> Result<Value, String> + Send + Sync>;
+type ToLiteral = fn(&(dyn Any + Send + Sync)) -> Option<Literal>;
+
+/// The type of ports that take every value.
+struct AnyValue;
 
 /// Which way a value goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,19 +46,36 @@ pub struct PortType {
     pub(crate) name: String,
     pub(crate) shape: Option<Shape>,
     pub(crate) convert: Option<Convert>,
+    pub(crate) to_literal: Option<ToLiteral>,
 }
 
 impl PortType {
     /// A type that only other nodes or the application can provide.
     #[must_use]
     pub fn shared<T: Any + Send + Sync>() -> Self {
-        Self { id: TypeId::of::<T>(), name: short_type_name::<T>(), shape: None, convert: None }
+        Self { id: TypeId::of::<T>(), name: short_type_name::<T>(), shape: None, convert: None, to_literal: None }
+    }
+
+    /// Every type: the node takes the value as it is. A literal stays a [`Literal`].
+    #[must_use]
+    pub fn any() -> Self {
+        let mut any = Self::shared::<AnyValue>().with_literal(Shape::Any, |literal| Ok(literal.clone()));
+        any.name = "any".to_owned();
+        any
+    }
+
+    /// Whether this is [`PortType::any`].
+    #[must_use]
+    pub fn is_any(&self) -> bool {
+        self.id == TypeId::of::<AnyValue>()
     }
 
     /// A type that a file can give as a literal.
     #[must_use]
     pub fn literal<T: FromLiteral + Any + Send + Sync>() -> Self {
-        Self::shared::<T>().with_literal(T::shape(), T::from_literal)
+        let mut port_type = Self::shared::<T>().with_literal(T::shape(), T::from_literal);
+        port_type.to_literal = Some(|value| value.downcast_ref::<T>()?.to_literal());
+        port_type
     }
 
     fn with_literal<T: Any + Send + Sync>(
@@ -140,6 +161,16 @@ impl PortSpec {
         Self::new(name, Direction::In, PortType::shared::<T>().with_literal(shape, convert))
     }
 
+    /// A parameter of any type: the node takes a literal or a value as it is.
+    pub fn any_setting(name: impl Into<Cow<'static, str>>) -> Self {
+        Self::new(name, Direction::In, PortType::any())
+    }
+
+    /// A key of any type, read or written as `direction` says. The file must name it.
+    pub fn any_key(name: impl Into<Cow<'static, str>>, direction: Direction) -> Self {
+        Self::new(name, direction, PortType { convert: None, shape: None, ..PortType::any() })
+    }
+
     fn keyed(mut self) -> Self {
         self.default_key = Some(self.name.clone());
         self
@@ -220,6 +251,14 @@ impl PortSpec {
     #[must_use]
     pub fn doc_text(&self) -> &str {
         &self.doc
+    }
+
+    /// The value of an untyped text, as other formats have: read as what the port takes.
+    pub(crate) fn value_of_text(&self, text: &str) -> Result<Value, String> {
+        match &self.port_type.shape {
+            Some(shape) => self.value_of(&Literal::from_text(text, shape)),
+            None => self.value_of(&Literal::Text(text.to_owned())),
+        }
     }
 
     /// The value of `literal` for this port, or what is wrong with it.

@@ -52,7 +52,7 @@ pub enum Problem {
         /// Kind of the node.
         kind: String,
         /// How many it takes, in words.
-        expected: &'static str,
+        expected: String,
         /// How many it has.
         n_found: usize,
     },

@@ -3,11 +3,13 @@
 use crate::action::{Action, Tick};
 use crate::blackboard::Accessor;
 use crate::builder;
+use crate::models::{self, BuiltIn, Children};
 use crate::port::{PortSpec, PortType, Value};
 use crate::problem::BuildError;
 use crate::spec::TreeSpec;
 use crate::status::{Failure, reason};
-use crate::tree::Tree;
+use crate::queue::Queue;
+use crate::tree::{Kind, Tree};
 use std::any::{Any, TypeId};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -30,6 +32,16 @@ pub enum NodeClass {
     Subtree,
 }
 
+/// What an action occupies while it runs. Two actions that share a part of it are never active at the same time.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Footprint {
+    /// Not said. A reactive node then halts whatever runs before it starts the action; parallel branches are not held back.
+    #[default]
+    Undeclared,
+    /// Names of arms, hands, cameras; empty when it occupies nothing.
+    Parts(Vec<Cow<'static, str>>),
+}
+
 /// What is known about a node kind.
 #[derive(Clone, Debug)]
 pub struct NodeModel {
@@ -41,9 +53,43 @@ pub struct NodeModel {
     pub ports: Vec<PortSpec>,
     /// One sentence for the reader of a scenario.
     pub doc: Cow<'static, str>,
+    /// What it occupies while it runs.
+    pub footprint: Footprint,
+    /// Reasons it can fail for; nothing when not said.
+    pub reasons: Option<Vec<Cow<'static, str>>>,
+    /// How long it usually takes, seconds.
+    pub expected_secs: Option<f64>,
 }
 
 impl NodeModel {
+    pub(crate) fn new(name: Cow<'static, str>, class: NodeClass, ports: Vec<PortSpec>) -> Self {
+        let (footprint, doc) = (Footprint::default(), Cow::Borrowed(""));
+        Self { name, class, ports, doc, footprint, reasons: None, expected_secs: None }
+    }
+
+    pub(crate) fn with_doc(mut self, doc: &'static str) -> Self {
+        self.doc = Cow::Borrowed(doc);
+        self
+    }
+
+    /// Says what the action occupies while it runs: names of arms, hands, cameras.
+    pub fn occupies<P: Into<Cow<'static, str>>>(&mut self, parts: impl IntoIterator<Item = P>) -> &mut Self {
+        self.footprint = Footprint::Parts(parts.into_iter().map(Into::into).collect());
+        self
+    }
+
+    /// Says every reason the node can fail for.
+    pub fn fails_with<R: Into<Cow<'static, str>>>(&mut self, reasons: impl IntoIterator<Item = R>) -> &mut Self {
+        self.reasons = Some(reasons.into_iter().map(Into::into).collect());
+        self
+    }
+
+    /// Says how long the action usually takes.
+    pub fn takes_secs(&mut self, expected_secs: f64) -> &mut Self {
+        self.expected_secs = Some(expected_secs);
+        self
+    }
+
     /// Sets the sentence for the reader of a scenario.
     pub fn doc(&mut self, doc: impl Into<Cow<'static, str>>) -> &mut Self {
         self.doc = doc.into();
@@ -57,7 +103,7 @@ type ActionFactory<C> = Arc<dyn Fn() -> Box<dyn Action<C>> + Send + Sync>;
 
 /// Makes a leaf.
 pub(crate) enum Factory<C> {
-    BuiltIn,
+    BuiltIn(Kind, Children),
     Action(ActionFactory<C>),
     Condition(Predicate<C>),
     Step(StepFn<C>),
@@ -65,11 +111,18 @@ pub(crate) enum Factory<C> {
 
 /// Node kinds, fields of values and entries provided by the application.
 pub struct Registry<C> {
-    pub(crate) models: Vec<NodeModel>,
+    pub(crate) models: Arc<Vec<NodeModel>>,
     pub(crate) factories: Vec<Factory<C>>,
     pub(crate) defaults: Vec<Vec<Option<Value>>>,
     pub(crate) fields: BTreeMap<(TypeId, String), (PortType, Accessor)>,
     pub(crate) entries: Vec<(String, PortType)>,
+    pub(crate) lists: Vec<ListType>,
+}
+
+/// How a `loop` goes over a type: the item of a number, or the next of a queue; nothing when the value is of another type.
+#[derive(Clone)]
+pub(crate) struct ListType {
+    pub(crate) next: fn(&(dyn Any + Send + Sync), usize) -> Option<Option<Value>>,
 }
 
 impl<C> Default for Registry<C> {
@@ -83,10 +136,17 @@ impl<C> Registry<C> {
     #[must_use]
     pub fn new() -> Self {
         let (fields, entries) = (BTreeMap::new(), Vec::new());
-        let mut registry = Self { models: Vec::new(), factories: Vec::new(), defaults: Vec::new(), fields, entries };
-        for model in builder::built_in_models() {
-            registry.add(model, Factory::BuiltIn);
+        let (models, factories, defaults, lists) = (Arc::new(Vec::new()), Vec::new(), Vec::new(), Vec::new());
+        let mut registry = Self { models, factories, defaults, fields, entries, lists };
+        for BuiltIn { kind, children, model } in models::built_in() {
+            registry.add(model, Factory::BuiltIn(kind, children));
         }
+        registry.list::<bool>();
+        registry.list::<i32>();
+        registry.list::<i64>();
+        registry.list::<u32>();
+        registry.list::<f64>();
+        registry.list::<String>();
         registry
     }
 
@@ -146,6 +206,18 @@ impl<C> Registry<C> {
         self.fields.insert((TypeId::of::<P>(), name), (PortType::shared::<T>(), accessor));
     }
 
+    /// Lets a `loop` go over a `Vec<T>` and a [`Queue<T>`](crate::Queue).
+    pub fn list<T: Any + Send + Sync + Clone>(&mut self) {
+        self.lists.push(ListType {
+            next: |value, item_idx| {
+                if let Some(list) = value.downcast_ref::<Vec<T>>() {
+                    return Some(list.get(item_idx).map(|item| Arc::new(item.clone()) as Value));
+                }
+                value.downcast_ref::<Queue<T>>().map(|queue| queue.pop().map(|item| Arc::new(item) as Value))
+            },
+        });
+    }
+
     /// Declares a blackboard entry of the root scope that the application sets before the first tick.
     pub fn entry<T: Any + Send + Sync>(&mut self, key: impl Into<String>) {
         self.entries.push((key.into(), PortType::shared::<T>()));
@@ -184,12 +256,13 @@ impl<C> Registry<C> {
         };
         self.defaults.push(model.ports.iter().map(convert).collect());
         self.factories.push(factory);
-        self.models.push(model);
-        let last = self.models.len() - 1;
-        &mut self.models[last]
+        let models = Arc::make_mut(&mut self.models);
+        models.push(model);
+        let last = models.len() - 1;
+        &mut models[last]
     }
 }
 
 fn leaf(name: impl Into<Cow<'static, str>>, class: NodeClass, ports: impl IntoIterator<Item = PortSpec>) -> NodeModel {
-    NodeModel { name: name.into(), class, ports: ports.into_iter().collect(), doc: Cow::Borrowed("") }
+    NodeModel::new(name.into(), class, ports.into_iter().collect())
 }

@@ -12,13 +12,17 @@ pub struct TreeSpec {
     pub subtrees: Vec<SubtreeSpec>,
     /// Blackboard entries of the root scope that exist before the first tick: key, value, location.
     pub entries: Vec<(String, Literal, u32)>,
+    /// A key that nothing writes is a mistake unless this is set; then reading it fails when the tree runs.
+    pub allows_unwritten_keys: bool,
+    /// The file format has no types: a text given to a number port is read as a number.
+    pub has_untyped_texts: bool,
 }
 
 impl TreeSpec {
     /// A tree without subtrees and entries.
     #[must_use]
     pub fn new(root: NodeSpec) -> Self {
-        Self { root, subtrees: Vec::new(), entries: Vec::new() }
+        Self { root, ..Self::default() }
     }
 
     /// Adds a subtree.
@@ -43,6 +47,8 @@ pub struct SubtreeSpec {
     pub name: String,
     /// Its connections.
     pub ports: Vec<SubtreePort>,
+    /// Its users may connect keys that are not among `ports`, in both directions.
+    pub is_open: bool,
     /// Its root.
     pub root: NodeSpec,
     /// Where it was written; meaning is the author's.
@@ -86,10 +92,77 @@ pub struct NodeSpec {
     pub title: Option<String>,
     /// What its ports are given.
     pub ports: Vec<PortSetting>,
+    /// Scripts that decide before it is ticked or run after it.
+    pub conditions: Vec<ConditionSpec>,
+    /// Of a subtree: every key inside that is not connected is the key of the same name outside, unless it begins with `_`.
+    pub is_autoremapped: bool,
     /// Its children in order.
     pub children: Vec<NodeSpec>,
     /// Where it was written; comes back in [`crate::BuildError`].
     pub location: u32,
+}
+
+/// A pre-condition or post-condition of a node.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ConditionSpec {
+    /// When it is evaluated and what follows.
+    pub when: When,
+    /// The script.
+    pub script: String,
+    /// Where it was written; comes back in [`crate::BuildError`].
+    pub location: u32,
+}
+
+/// When the script of a [`ConditionSpec`] is evaluated.
+///
+/// The first three are asked in this order when the node is not running, `While` on every tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum When {
+    /// True: the node fails without being ticked.
+    FailureIf,
+    /// True: the node succeeds without being ticked.
+    SuccessIf,
+    /// True: the node is skipped.
+    SkipIf,
+    /// False: the node is halted if it runs, and skipped.
+    While,
+    /// Runs after the node succeeded.
+    OnSuccess,
+    /// Runs after the node failed.
+    OnFailure,
+    /// Runs after the node was halted while it ran.
+    OnHalted,
+    /// Runs after the node succeeded or failed, after the two above.
+    Post,
+}
+
+impl When {
+    /// Every moment, in the order of evaluation.
+    pub const ALL: [Self; 8] = [
+        Self::FailureIf,
+        Self::SuccessIf,
+        Self::SkipIf,
+        Self::While,
+        Self::OnSuccess,
+        Self::OnFailure,
+        Self::OnHalted,
+        Self::Post,
+    ];
+
+    /// The name in files: `skip_if`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::FailureIf => "failure_if",
+            Self::SuccessIf => "success_if",
+            Self::SkipIf => "skip_if",
+            Self::While => "while",
+            Self::OnSuccess => "on_success",
+            Self::OnFailure => "on_failure",
+            Self::OnHalted => "on_halted",
+            Self::Post => "post",
+        }
+    }
 }
 
 /// What one port is given.
@@ -110,7 +183,7 @@ pub struct PortSetting {
 pub enum PortValue {
     /// A constant.
     Literal(Literal),
-    /// A blackboard entry, or with dots a field of one: `functionality.target`.
+    /// A blackboard entry, or with dots a field of one: `functionality.target`. `@` before it means the root scope.
     Key(String),
 }
 
@@ -131,7 +204,7 @@ impl PortValue {
             word.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
                 && word.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_')
         };
-        if key.split('.').all(is_word) {
+        if key.strip_prefix('@').unwrap_or(key).split('.').all(is_word) {
             Ok(Self::Key(key.to_owned()))
         } else {
             Err(format!("{text:?} is no blackboard key; a key has letters, digits and underscores, and dots before fields"))
@@ -178,6 +251,13 @@ impl NodeSpec {
     #[must_use]
     pub fn children(mut self, children: impl IntoIterator<Item = NodeSpec>) -> Self {
         self.children.extend(children);
+        self
+    }
+
+    /// Adds a pre-condition or post-condition.
+    #[must_use]
+    pub fn when(mut self, when: When, script: impl Into<String>) -> Self {
+        self.conditions.push(ConditionSpec { when, script: script.into(), location: self.location });
         self
     }
 

@@ -90,9 +90,34 @@ pub mod reason {
     pub const PORT_EMPTY: &str = "port_empty";
     /// An `inverter` or `force_failure` turned a success into a failure.
     pub const INVERTED: &str = "inverted";
-    /// A `parallel` waits for more successes than it has children.
+    /// A `parallel` waits for more successes or failures than it has children.
     pub const OUT_OF_REACH: &str = "out_of_reach";
+    /// The pre-condition `failure_if` of a node holds.
+    pub const FAILURE_IF: &str = "failure_if";
+    /// A script could not be evaluated: an entry is empty, or a text stands where a number is needed.
+    pub const SCRIPT_FAILED: &str = "script_failed";
+    /// A halted action has not stopped in the time it asked for, and another action needs what it occupies.
+    pub const HALT_OVERDUE: &str = "halt_overdue";
+    /// A `loop` has nothing left to do and was told that this is a failure.
+    pub const NOTHING_LEFT: &str = "nothing_left";
+    /// An `always_failure` was ticked.
+    pub const ALWAYS_FAILURE: &str = "always_failure";
+    /// A value does not have the type of the entry it is copied to.
+    pub const WRONG_TYPE: &str = "wrong_type";
 
     /// Every reason above.
-    pub const ALL: &[&str] = &[TIMEOUT, PANICKED, CONDITION_FALSE, PORT_EMPTY, INVERTED, OUT_OF_REACH];
+    pub const ALL: &[&str] = &[
+        TIMEOUT,
+        PANICKED,
+        CONDITION_FALSE,
+        PORT_EMPTY,
+        INVERTED,
+        OUT_OF_REACH,
+        FAILURE_IF,
+        SCRIPT_FAILED,
+        HALT_OVERDUE,
+        NOTHING_LEFT,
+        ALWAYS_FAILURE,
+        WRONG_TYPE,
+    ];
 }

@@ -1,15 +1,18 @@
 //! A runnable tree: ticking, halting, and what can be asked about it.
 
-use crate::action::{Action, Tick};
-use crate::blackboard::{self, Slot, Source};
+use crate::blackboard::{self, Blackboard, Source, Stamp};
+use crate::condition::{Conditions, Script};
 use crate::journal::{Change, Journal, JournalLevel, Record};
+use crate::leaf::{Leaf, Stopping};
+use crate::literal::Literal;
+use crate::port::{PortType, Value};
 use crate::problem::EntryError;
-use crate::registry::{NodeClass, NodeModel, Predicate, StepFn};
-use crate::status::{Failure, Outcome, Progress, Status, reason};
+use crate::registry::{ListType, NodeClass, NodeModel};
+use crate::status::{Failure, Status, reason};
+use crate::waker::Waker;
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::fmt;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 /// Number of a node, in document order from 0.
@@ -18,19 +21,60 @@ pub type NodeId = u32;
 /// What a node does when it is ticked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
+    /// An application's node.
     Leaf,
     Subtree,
     Sequence,
+    AsyncSequence,
+    SequenceWithMemory,
     Fallback,
+    AsyncFallback,
     ReactiveSequence,
     ReactiveFallback,
     Parallel,
-    Retry,
-    Repeat,
-    Timeout,
+    ParallelAll,
+    IfThenElse,
+    WhileDoElse,
+    Switch,
+    TryCatch,
+    Recover,
     Inverter,
     ForceSuccess,
     ForceFailure,
+    Retry,
+    Repeat,
+    KeepRunning,
+    Timeout,
+    Delay,
+    RateLimit,
+    RunOnce,
+    Loop,
+    Precondition,
+    SkipUnlessUpdated,
+    WaitValueUpdate,
+    WasEntryUpdated,
+    SetBlackboard,
+    UnsetBlackboard,
+    Script,
+    ScriptCondition,
+    Sleep,
+    AlwaysSuccess,
+    AlwaysFailure,
+}
+
+impl Kind {
+    /// Whether `count` stays when the node ends or is halted.
+    fn has_memory(self) -> bool {
+        matches!(
+            self,
+            Self::SequenceWithMemory
+                | Self::RunOnce
+                | Self::RateLimit
+                | Self::SkipUnlessUpdated
+                | Self::WaitValueUpdate
+                | Self::WasEntryUpdated
+        )
+    }
 }
 
 /// Shape and state of one node.
@@ -38,31 +82,31 @@ pub(crate) enum Kind {
 pub(crate) struct Node {
     pub(crate) kind: Kind,
     pub(crate) status: Status,
+    /// [`crate::leaf::WAITING`].
+    pub(crate) flags: u8,
     pub(crate) model: u32,
     pub(crate) parent: u32,
     pub(crate) first_child: u32,
     pub(crate) n_children: u32,
     pub(crate) first_source: u32,
+    /// Number of the leaf, or of the script of a built-in node that has one.
     pub(crate) leaf: u32,
-    /// The child to go on with, or the running child of a reactive node.
+    /// Number of its conditions.
+    pub(crate) conditions: u32,
+    /// The child to go on with, or the running child of a node that chooses.
     pub(crate) cursor: u32,
-    /// Rounds of a loop, successes of a parallel.
+    /// Rounds of a loop, successes of a parallel, children of a sequence that were not skipped.
     pub(crate) count: u32,
     /// Failures of a parallel.
     pub(crate) n_failed: u32,
-    /// Rounds allowed.
-    pub(crate) limit: u32,
+    /// When it started, or when its time is over.
     pub(crate) deadline_secs: f64,
+    /// Number of the write that it last saw.
+    pub(crate) seen: u64,
 }
 
-/// No child, no parent, no limit.
+/// No child, no parent, no script.
 pub(crate) const NONE: u32 = u32::MAX;
-
-pub(crate) enum Leaf<C> {
-    Action(Box<dyn Action<C>>),
-    Condition(Predicate<C>),
-    Step(StepFn<C>),
-}
 
 /// A failure, its node and its time.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,30 +138,49 @@ pub struct NodeDefinition {
     pub location: u32,
 }
 
+/// A blackboard as it was once; made by [`Tree::backup`].
+#[derive(Clone)]
+pub struct Backup(Blackboard);
+
+impl fmt::Debug for Backup {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Backup").field("n_entries", &self.0.slots.len()).finish_non_exhaustive()
+    }
+}
+
 /// Oldest failures are dropped beyond this number, so that an endless run stays small.
 const MAX_FAILURE_HISTORY: usize = 1024;
 
 /// The state that nodes share.
+#[derive(Default)]
 pub(crate) struct Runtime {
-    pub(crate) slots: Vec<Slot>,
+    pub(crate) board: Blackboard,
     pub(crate) journal: Journal,
     pub(crate) tick_idx: u64,
     pub(crate) now_secs: f64,
     pub(crate) failure: Option<FailureAt>,
     pub(crate) history: std::collections::VecDeque<FailureAt>,
-    /// Running children of reactive nodes: halted before the next action starts.
+    /// Running children of reactive nodes: halted before an action starts that clashes with them.
     pub(crate) preempted: Vec<NodeId>,
+    /// Running actions that declared what they occupy.
+    pub(crate) active: Vec<NodeId>,
+    /// Actions that were halted and still stop.
+    pub(crate) stopping: Vec<Stopping>,
+    /// A node has work for another tick at once.
+    pub(crate) wants_tick: bool,
+    pub(crate) waker: Waker,
 }
 
 impl Runtime {
-    pub(crate) fn new(slots: Vec<Slot>) -> Self {
-        let journal = Journal::default();
-        let (history, preempted) = (std::collections::VecDeque::new(), Vec::new());
-        Self { slots, journal, tick_idx: 0, now_secs: 0.0, failure: None, history, preempted }
-    }
-
     pub(crate) fn note(&mut self, node: NodeId, change: Change) {
         self.journal.records.push(Record { tick_idx: self.tick_idx, now_secs: self.now_secs, node, change });
+    }
+
+    /// Writes down a failure that decides nothing.
+    pub(crate) fn note_failure(&mut self, node: NodeId, failure: Failure) {
+        let decided = self.failure.take();
+        self.fail(node, failure);
+        self.failure = decided;
     }
 
     /// Makes `failure` the one that explains why the tree fails.
@@ -136,6 +199,25 @@ impl Runtime {
         self.failure = Some(failure);
         Status::Failure
     }
+
+    /// Writes a value that others hold too, or empties the entry.
+    pub(crate) fn put(&mut self, node: NodeId, slot: u32, value: Option<Value>, port_type: Option<&PortType>) {
+        self.board.put(slot, value, self.now_secs);
+        self.note_write(node, slot, port_type);
+    }
+
+    #[inline]
+    pub(crate) fn note_write(&mut self, node: NodeId, slot: u32, port_type: Option<&PortType>) {
+        if self.journal.level >= JournalLevel::Writes {
+            let value = match &self.board.slots[slot as usize].value {
+                Some(value) if self.journal.level == JournalLevel::Values => {
+                    blackboard::to_literal(value, port_type).map(Box::new)
+                }
+                _ => None,
+            };
+            self.note(node, Change::Write { slot, value });
+        }
+    }
 }
 
 /// A checked tree with its blackboard and state. Made by [`crate::Registry::build`].
@@ -144,12 +226,17 @@ pub struct Tree<C> {
     pub(crate) children: Vec<NodeId>,
     pub(crate) sources: Vec<Source>,
     pub(crate) leaves: Vec<Leaf<C>>,
-    pub(crate) models: Vec<NodeModel>,
+    pub(crate) scripts: Vec<Script>,
+    pub(crate) conditions: Vec<Conditions>,
+    pub(crate) lists: Vec<ListType>,
+    pub(crate) models: Arc<Vec<NodeModel>>,
     pub(crate) titles: BTreeMap<NodeId, String>,
     pub(crate) locations: Vec<u32>,
     pub(crate) slot_keys: Vec<String>,
     pub(crate) slot_types: Vec<Option<crate::port::PortType>>,
     pub(crate) root_keys: BTreeMap<String, u32>,
+    /// Failures that nodes come back to: of a `run_once`, of what a `try_catch` tried.
+    pub(crate) kept: BTreeMap<NodeId, FailureAt>,
     pub(crate) run: Runtime,
 }
 
@@ -158,6 +245,10 @@ impl<C> Tree<C> {
     pub fn tick(&mut self, now_secs: f64, context: &mut C) -> Status {
         self.run.tick_idx += 1;
         self.run.now_secs = now_secs;
+        self.run.wants_tick = false;
+        if !self.run.stopping.is_empty() {
+            self.poll_stopping(context);
+        }
         if self.nodes[0].status != Status::Running {
             self.run.failure = None;
         }
@@ -168,9 +259,37 @@ impl<C> Tree<C> {
         status
     }
 
-    /// Halts what runs. Afterwards every node is idle; blackboard entries stay.
+    /// Halts what runs. Afterwards every node is idle; blackboard entries stay. An action may need longer to stop:
+    /// [`Tree::poll_halt`] tells when all have.
     pub fn halt(&mut self, context: &mut C) {
         self.halt_node(0, context);
+    }
+
+    /// Whether every halted action has stopped; asks those that had not. For use after [`Tree::halt`], at the period of the ticks.
+    pub fn poll_halt(&mut self, now_secs: f64, context: &mut C) -> bool {
+        self.run.now_secs = now_secs;
+        self.poll_stopping(context);
+        self.run.stopping.is_empty()
+    }
+
+    /// The halted actions that have not stopped yet.
+    pub fn stopping(&self) -> impl Iterator<Item = NodeId> + '_ {
+        self.run.stopping.iter().map(|stopping| stopping.node)
+    }
+
+    /// Whether a node has work for another tick at once, so that waiting for the period would waste time.
+    #[must_use]
+    pub fn wants_tick(&self) -> bool {
+        self.run.wants_tick
+    }
+
+    /// Forgets what outlives a run: which `run_once` is done, where a `sequence_with_memory` stood, which writes were seen.
+    pub fn reset(&mut self, context: &mut C) {
+        self.halt(context);
+        for node in &mut self.nodes {
+            (node.cursor, node.count, node.n_failed, node.seen) = (0, 0, 0, 0);
+        }
+        self.kept.clear();
     }
 
     /// Status of a node between ticks.
@@ -247,7 +366,7 @@ impl<C> Tree<C> {
     #[must_use]
     pub fn entry<T: Any + Send + Sync>(&self, key: &str) -> Option<Arc<T>> {
         let slot = *self.root_keys.get(key)?;
-        self.run.slots[slot as usize].value.clone()?.downcast().ok()
+        self.run.board.slots[slot as usize].value.clone()?.downcast().ok()
     }
 
     /// Sets a blackboard entry of the root scope. A key that no node uses is ignored, so an application can offer what it has.
@@ -262,8 +381,36 @@ impl<C> Tree<C> {
                 return Err(EntryError::Type { key: key.to_owned(), expected: expected.name.clone(), found: found.name });
             }
         }
-        blackboard::write(&mut self.run.slots[slot as usize], value);
+        self.run.board.write(slot, value, self.run.now_secs);
         Ok(())
+    }
+
+    /// When a blackboard entry of the root scope was last written.
+    #[must_use]
+    pub fn stamp(&self, key: &str) -> Option<Stamp> {
+        self.root_keys.get(key).map(|slot| self.run.board.stamp(*slot))
+    }
+
+    /// A blackboard entry of the root scope as a literal, where its type has that form.
+    #[must_use]
+    pub fn literal(&self, key: &str) -> Option<Literal> {
+        let slot = *self.root_keys.get(key)? as usize;
+        blackboard::to_literal(self.run.board.slots[slot].value.as_ref()?, self.slot_types[slot].as_ref())
+    }
+
+    /// The blackboard as it is now. Values are shared, not copied.
+    #[must_use]
+    pub fn backup(&self) -> Backup {
+        Backup(self.run.board.clone())
+    }
+
+    /// Makes the blackboard what it was.
+    ///
+    /// # Panics
+    /// If the backup is of another tree.
+    pub fn restore(&mut self, backup: &Backup) {
+        assert_eq!(backup.0.slots.len(), self.run.board.slots.len(), "the backup is of another tree");
+        self.run.board = backup.0.clone();
     }
 
     pub(crate) fn kind_name(&self, id: NodeId) -> &str {
@@ -277,7 +424,15 @@ impl<C> Tree<C> {
         self.titles.get(&id).map_or_else(|| self.kind_name(id), String::as_str)
     }
 
+    #[inline]
     pub(crate) fn tick_node(&mut self, id: NodeId, context: &mut C) -> Status {
+        if self.nodes[id as usize].conditions != NONE {
+            return self.tick_conditioned(id, context);
+        }
+        self.tick_plain(id, context)
+    }
+
+    pub(crate) fn tick_plain(&mut self, id: NodeId, context: &mut C) -> Status {
         let Node { kind, status: before, .. } = self.nodes[id as usize];
         if kind == Kind::Leaf {
             return self.tick_leaf(id, context);
@@ -287,80 +442,69 @@ impl<C> Tree<C> {
             self.set_status(id, Status::Running);
             let now_secs = self.run.now_secs;
             let node = &mut self.nodes[id as usize];
-            node.cursor = 0;
-            node.count = 0;
-            node.n_failed = 0;
             node.deadline_secs = now_secs;
+            if kind != Kind::SequenceWithMemory {
+                node.cursor = 0;
+            }
+            if !kind.has_memory() {
+                node.count = 0;
+                node.n_failed = 0;
+            }
         }
         let status = match kind {
-            Kind::Leaf | Kind::Sequence => self.tick_sequence(id, context, Status::Failure),
-            Kind::Fallback => self.tick_sequence(id, context, Status::Success),
+            Kind::Leaf | Kind::Sequence => self.tick_sequence(id, context, Status::Failure, false),
+            Kind::AsyncSequence => self.tick_sequence(id, context, Status::Failure, true),
+            Kind::SequenceWithMemory => self.tick_sequence_with_memory(id, is_start, context),
+            Kind::Fallback => self.tick_sequence(id, context, Status::Success, false),
+            Kind::AsyncFallback => self.tick_sequence(id, context, Status::Success, true),
             Kind::ReactiveSequence => self.tick_reactive(id, is_start, context, Status::Failure),
             Kind::ReactiveFallback => self.tick_reactive(id, is_start, context, Status::Success),
             Kind::Parallel => self.tick_parallel(id, context),
-            Kind::Retry => self.tick_retry(id, is_start, context),
-            Kind::Repeat => self.tick_repeat(id, is_start, context),
+            Kind::ParallelAll => self.tick_parallel_all(id, context),
+            Kind::IfThenElse => self.tick_if_then_else(id, context),
+            Kind::WhileDoElse => self.tick_while_do_else(id, context),
+            Kind::Switch => self.tick_switch(id, is_start, context),
+            Kind::TryCatch => self.tick_try_catch(id, context),
+            Kind::Recover => self.tick_recover(id, context),
+            Kind::Retry => self.tick_retry(id, context),
+            Kind::Repeat => self.tick_repeat(id, context),
+            Kind::KeepRunning => self.tick_keep_running(id, context),
             Kind::Timeout => self.tick_timeout(id, is_start, context),
+            Kind::Delay => self.tick_delay(id, is_start, context),
+            Kind::RateLimit => self.tick_rate_limit(id, is_start, context),
+            Kind::RunOnce => self.tick_run_once(id, context),
+            Kind::Loop => self.tick_loop(id, context),
+            Kind::Precondition => self.tick_precondition(id, context),
+            Kind::SkipUnlessUpdated | Kind::WaitValueUpdate => self.tick_unless_updated(id, kind, context),
             Kind::Subtree | Kind::Inverter | Kind::ForceSuccess | Kind::ForceFailure => self.tick_mapped(id, kind, context),
+            Kind::WasEntryUpdated
+            | Kind::SetBlackboard
+            | Kind::UnsetBlackboard
+            | Kind::Script
+            | Kind::ScriptCondition
+            | Kind::Sleep
+            | Kind::AlwaysSuccess
+            | Kind::AlwaysFailure => self.tick_built_in_leaf(id, kind, is_start),
         };
         self.set_status(id, status);
         status
-    }
-
-    fn tick_leaf(&mut self, id: NodeId, context: &mut C) -> Status {
-        let node = &self.nodes[id as usize];
-        let (is_running, leaf) = (node.status == Status::Running, node.leaf as usize);
-        // Two actions of a reactive node never overlap: the old one is halted before the new one starts.
-        if !is_running && !self.run.preempted.is_empty() && matches!(self.leaves[leaf], Leaf::Action(_)) {
-            for preempted in std::mem::take(&mut self.run.preempted) {
-                self.halt_node(preempted, context);
-            }
-        }
-        let status = match self.call_leaf(id, is_running, context) {
-            Ok(Progress::Running) => Status::Running,
-            Ok(Progress::Success) => Status::Success,
-            Ok(Progress::Skipped) => Status::Skipped,
-            Err(failure) => self.run.fail(id, failure),
-        };
-        self.set_status(id, status);
-        status
-    }
-
-    fn call_leaf(&mut self, id: NodeId, is_running: bool, context: &mut C) -> Outcome {
-        let node = &self.nodes[id as usize];
-        let ports = &self.models[node.model as usize].ports;
-        let sources = &self.sources[node.first_source as usize..][..ports.len()];
-        let mut tick = Tick { context, node: id, ports, sources, run: &mut self.run };
-        let leaf = &mut self.leaves[node.leaf as usize];
-        let called = catch_unwind(AssertUnwindSafe(|| match leaf {
-            Leaf::Action(action) if is_running => action.poll(&mut tick),
-            Leaf::Action(action) => action.start(&mut tick),
-            Leaf::Condition(holds) => match holds(&mut tick) {
-                Ok(true) => Ok(Progress::Success),
-                Ok(false) => Err(Failure { reason: reason::CONDITION_FALSE.into(), detail: String::new() }),
-                Err(failure) => Err(failure),
-            },
-            Leaf::Step(run) => run(&mut tick).map(|()| Progress::Success),
-        }));
-        called.unwrap_or_else(|panic| {
-            // Whatever it began must stop, even if it no longer knows what that was.
-            if let Leaf::Action(action) = leaf {
-                let _second_panic = catch_unwind(AssertUnwindSafe(|| action.halt(&mut tick)));
-            }
-            Err(Failure::new(reason::PANICKED, panic_text(panic.as_ref())))
-        })
     }
 
     pub(crate) fn halt_node(&mut self, id: NodeId, context: &mut C) {
         let node = &self.nodes[id as usize];
         if node.status == Status::Running {
-            if node.kind == Kind::Leaf {
-                self.halt_leaf(id, context);
-            } else {
-                self.reset_children(id, context);
+            match node.kind {
+                Kind::Leaf => self.halt_leaf(id, context),
+                Kind::TryCatch => self.halt_try_catch(id, context),
+                _ => self.reset_children(id, context),
             }
+            self.set_status(id, Status::Idle);
+            if self.nodes[id as usize].conditions != NONE {
+                self.after_halt(id);
+            }
+        } else {
+            self.set_status(id, Status::Idle);
         }
-        self.set_status(id, Status::Idle);
     }
 
     /// Halts running children and makes all of them idle.
@@ -371,21 +515,6 @@ impl<C> Tree<C> {
             if self.nodes[child as usize].status != Status::Idle {
                 self.halt_node(child, context);
             }
-        }
-    }
-
-    fn halt_leaf(&mut self, id: NodeId, context: &mut C) {
-        let node = &self.nodes[id as usize];
-        let ports = &self.models[node.model as usize].ports;
-        let sources = &self.sources[node.first_source as usize..][..ports.len()];
-        let mut tick = Tick { context, node: id, ports, sources, run: &mut self.run };
-        if let Leaf::Action(action) = &mut self.leaves[node.leaf as usize]
-            && let Err(panic) = catch_unwind(AssertUnwindSafe(|| action.halt(&mut tick)))
-        {
-            // The journal keeps it; what the tree decides must not depend on a node that is leaving.
-            let decided = self.run.failure.take();
-            self.run.fail(id, Failure::new(reason::PANICKED, format!("while halting: {}", panic_text(panic.as_ref()))));
-            self.run.failure = decided;
         }
     }
 
@@ -403,9 +532,14 @@ impl<C> Tree<C> {
         self.children[(self.nodes[id as usize].first_child + child_idx) as usize]
     }
 
+    /// Where the value of a built-in node's port is.
+    pub(crate) fn source(&self, id: NodeId, port_idx: usize) -> &Source {
+        &self.sources[self.nodes[id as usize].first_source as usize + port_idx]
+    }
+
     /// The value of a built-in node's port.
     pub(crate) fn built_in_port<T: Any + Send + Sync>(&self, id: NodeId, port_idx: usize) -> Result<Option<Arc<T>>, Failure> {
-        let value = self.sources[self.nodes[id as usize].first_source as usize + port_idx].read(&self.run.slots)?;
+        let value = self.source(id, port_idx).read(&self.run.board.slots)?;
         Ok(value.and_then(|value| value.downcast().ok()))
     }
 }
@@ -413,15 +547,5 @@ impl<C> Tree<C> {
 impl<C> fmt::Debug for Tree<C> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Tree").field("n_nodes", &self.nodes.len()).field("tick_idx", &self.run.tick_idx).finish_non_exhaustive()
-    }
-}
-
-fn panic_text(panic: &(dyn Any + Send)) -> String {
-    if let Some(text) = panic.downcast_ref::<&str>() {
-        (*text).to_owned()
-    } else if let Some(text) = panic.downcast_ref::<String>() {
-        text.clone()
-    } else {
-        "no message".to_owned()
     }
 }

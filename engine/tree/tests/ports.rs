@@ -177,7 +177,7 @@ fn all_mistakes_at_once() {
             "sequence/turn: \"turn\" has no port \"sid\" | did you mean \"side\"?",
             "sequence/turn: \"turn\" needs port \"side\": one of left",
             "sequence/retry: \"retry\" takes exactly one child, found 0",
-            "sequence/retry: port \"attempts\": expected at least 1, found 0 | How often the child is tried.",
+            "sequence/retry: port \"attempts\": expected at least 1, or -1 for no end, found 0 | How often the child is tried; -1 without end.",
             "sequence/is_large: port \"n_points\" reads blackboard key \"count\", which no earlier node writes",
         ],
     );
@@ -226,7 +226,7 @@ fn subtree(name: &str, ports: &[(&str, Direction)], root: NodeSpec) -> SubtreeSp
         .iter()
         .map(|(name, direction)| SubtreePort { name: (*name).to_owned(), direction: *direction, default: None, location: 0 })
         .collect();
-    SubtreeSpec { name: name.to_owned(), ports, root, location: 0 }
+    SubtreeSpec { name: name.to_owned(), ports, is_open: false, root, location: 0 }
 }
 
 #[test]
@@ -329,7 +329,7 @@ fn the_journal_tells_what_happened() {
             let what = match record.change {
                 Change::Status { from, to } => format!("{from} -> {to}"),
                 Change::Failed(failure) => failure.to_string(),
-                Change::Write { slot } => format!("writes {}", tree.slot_key(slot).unwrap()),
+                Change::Write { slot, .. } => format!("writes {}", tree.slot_key(slot).unwrap()),
             };
             format!("{}: {what}", tree.path(record.node))
         })

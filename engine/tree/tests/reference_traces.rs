@@ -7,7 +7,7 @@
 mod support;
 
 use serde_json::Value;
-use sfg_tree::{Action, Failure, NodeSpec, Outcome, PortSpec, Progress, Registry, Tick, TreeSpec};
+use sfg_tree::{Action, Failure, Halt, NodeSpec, Outcome, PortSpec, Progress, Registry, Tick, TreeSpec};
 use std::path::Path;
 use support::{Events, letter};
 
@@ -54,9 +54,10 @@ impl Action<Events> for Scripted {
     fn poll(&mut self, tick: &mut Tick<'_, Events>) -> Outcome {
         self.step(tick, "tick")
     }
-    fn halt(&mut self, tick: &mut Tick<'_, Events>) {
+    fn halt(&mut self, tick: &mut Tick<'_, Events>) -> Halt {
         let name = tick.get::<String>("name_").unwrap();
         tick.context.push(format!("{name} halt"));
+        Halt::Done
     }
 }
 

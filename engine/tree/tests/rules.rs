@@ -145,8 +145,9 @@ fn parallel_halts_midway() {
 }
 
 #[test]
-fn retry_tries_again_in_the_next_tick() {
-    check("retry{attempts:3}[a=F|RF|S]", "tttt", "+a R ; +a R ; .a R ; +a S");
+fn retry_tries_again_in_the_next_tick_after_a_child_done_in_one_call() {
+    check("retry{attempts:3}[a=F|RF|S]", "ttt", "+a R ; +a R ; .a +a S");
+    check("retry{attempts:-1}[a=F]", "ttt", "+a R ; +a R ; +a R");
 }
 
 #[test]
@@ -179,6 +180,124 @@ fn timeout_halts_its_child() {
     check_failure("timeout{secs:2}[a=RRRR]", 3, "timeout timeout");
     check("timeout{secs:2}[a=RS]", "tt", "+a R ; .a S");
     check("timeout{secs:2}[a=R]", "thtt", "+a R ; -a h ; +a R ; .a R");
+}
+
+#[test]
+fn a_halt_that_takes_several_ticks_holds_back_what_shares_its_footprint() {
+    // The arm is asked to stop three times; what moves it starts after that, what moves the hand at once.
+    check("reactive_fallback[sequence[c?FSSSSS arm.a=RR] arm.b=RRR!2]", "ttttt", "?c +b R ; ?c -b R ; -b R ; -b +a R ; .a R");
+    check("reactive_fallback[sequence[c?FSSSSS hand.a=RR] arm.b=RRR!2]", "ttt", "?c +b R ; ?c +a -b R ; -b .a R");
+}
+
+#[test]
+fn a_halt_that_takes_longer_than_it_said_fails_what_needs_the_footprint() {
+    check_failure("reactive_fallback[sequence[c?FSSSSSSSS arm.a=RR] arm.b=RRRRRRRR!9]", 5, "reactive_fallback/b halt_overdue");
+}
+
+#[test]
+fn an_action_that_waits_for_another_is_not_halted_as_if_it_ran() {
+    check("reactive_fallback[reactive_sequence[c?FSF arm.a=RR] arm.b=RRR!1]", "ttt", "?c +b R ; ?c -b R ; -b ?c +b R");
+}
+
+#[test]
+fn parallel_branches_share_no_declared_footprint() {
+    check("parallel[arm.a=RS arm.b=RS]", "tttt", "+a R ; .a +b R ; .b S ; +a R");
+    check("parallel[arm.a=RS hand.b=RS both.c=S]", "ttt", "+a +b R ; .a .b +c S ; +a +b R");
+    check("parallel[a=RS b=RS]", "tt", "+a +b R ; .a .b S");
+}
+
+#[test]
+fn reactive_nodes_start_at_once_what_occupies_nothing() {
+    check("reactive_sequence[free.a=S|R b=R]", "tt", "+a +b R ; +a -b R");
+}
+
+#[test]
+fn async_nodes_yield_after_a_child_done_in_one_call() {
+    check("async_sequence[a=S b=RS c=S]", "ttt", "+a R ; +b R ; .b +c S");
+    check("async_fallback[a=F b=RF c=S]", "ttt", "+a R ; +b R ; .b +c S");
+    check("async_sequence[a=K b=S]", "t", "+a +b S");
+}
+
+#[test]
+fn sequence_with_memory_goes_on_at_the_child_it_failed_at() {
+    check("sequence_with_memory[a=RS b=RF|S c=S]", "ttttt", "+a R ; .a +b R ; .b F ; +b R ; +c S");
+    check("sequence_with_memory[a=RS b=R]", "tthtt", "+a R ; .a +b R ; -b h ; +b R ; .b R");
+}
+
+#[test]
+fn parallel_all_waits_for_every_child() {
+    check("parallel_all[a=F b=RS]", "tt", "+a +b R ; .b F");
+    check("parallel_all{max_failures:2}[a=F b=RS]", "tt", "+a +b R ; .b S");
+    check("parallel_all{max_failures:-1}[a=F b=RF]", "tt", "+a +b R ; .b F");
+    check("parallel_all[a=K b=K]", "t", "+a +b K");
+    check_failure("parallel_all[a=F/slipped b=RS]", 2, "parallel_all/a slipped");
+}
+
+#[test]
+fn if_then_else_asks_once() {
+    check("if_then_else[c?SF a=RS b=S]", "tt", "?c +a R ; .a S");
+    check("if_then_else[c?FS a=RS b=RF]", "tt", "?c +b R ; .b F");
+    check("if_then_else[c?F a=S]", "t", "?c F");
+    check("if_then_else[c=RS a=R b=S]", "tth", "+c R ; .c +a R ; -a h");
+    check("if_then_else[c=K a=S]", "t", "+c K");
+}
+
+#[test]
+fn while_do_else_asks_on_every_tick() {
+    check("while_do_else[c?SSF a=RRR b=RS]", "tttt", "?c +a R ; ?c .a R ; ?c -a +b R ; ?c .b S");
+    check("while_do_else[c?SF a=RRR]", "tt", "?c +a R ; ?c -a F");
+    check("while_do_else[c=S a=R]", "tt", "+c +a R ; +c .a R");
+}
+
+#[test]
+fn try_catch_cleans_up_after_a_failure() {
+    check("try_catch[a=S b=F c=RS]", "tt", "+a +b +c R ; .c F");
+    check("try_catch[a=S b=RS c=S]", "tt", "+a +b R ; .b S");
+    check("try_catch[a=R c=S]", "th", "+a R ; -a h");
+    check("try_catch{catch_on_halt:true}[a=R c=S]", "th", "+a R ; -a +c h");
+    check("try_catch{catch_on_halt:true}[a=R c=R]", "th", "+a R ; -a +c -c h");
+    check("try_catch{catch_on_halt:true}[a=F c=R]", "th", "+a +c R ; -c h");
+    check_failure("try_catch[a=F/slipped c=F/other]", 1, "try_catch/a slipped");
+}
+
+#[test]
+fn recover_does_what_the_reason_asks_for() {
+    check("recover{attempts:3,on:slipped+no_path}[a=F/slipped b=S c=S]", "tttt", "+a +b R ; +a +b R ; +a F ; +a +b R");
+    check("recover{attempts:3,on:slipped+no_path}[a=F/no_path b=S c=RS]", "tt", "+a +c R ; .c +a +c R");
+    check("recover{attempts:3,on:slipped}[a=F/other b=S]", "t", "+a F");
+    check("recover{attempts:3,on:any}[a=F/other b=S]", "t", "+a +b R");
+    check_failure("recover{attempts:3,on:any}[a=F/other b=F/worse]", 1, "recover/a other");
+}
+
+#[test]
+fn keep_running_until_failure_never_succeeds() {
+    check("keep_running_until_failure[a=S|K|F]", "ttt", "+a R ; +a R ; +a F");
+}
+
+#[test]
+fn delay_waits_before_its_child() {
+    check("delay{secs:2}[a=RS]", "tttt", "R ; R ; +a R ; .a S");
+    check("delay{secs:2}[a=S]", "thttt", "R ; h ; R ; R ; +a S");
+}
+
+#[test]
+fn rate_limit_begins_its_child_at_most_so_often() {
+    check("rate_limit{hz:0.5}[a=S]", "ttttt", "+a S ; R ; +a S ; R ; +a S");
+    check("rate_limit{hz:0.5}[a=RRRS]", "tttt", "+a R ; .a R ; .a R ; .a S");
+}
+
+#[test]
+fn run_once_is_done_once() {
+    check("run_once[a=RS]", "tttht", "+a R ; .a S ; K ; h ; K");
+    check("run_once{then_skip:false}[a=F/slipped]", "tt", "+a F ; F");
+    check_failure("run_once{then_skip:false}[a=F/slipped]", 2, "run_once slipped");
+    check("run_once[a=R|S]", "thtt", "+a R ; -a h ; +a S ; K");
+}
+
+#[test]
+fn sleep_and_constant_leaves() {
+    check("sleep{secs:2}", "tttt", "R ; R ; S ; R");
+    check("sequence[always_success always_failure]", "t", "F");
 }
 
 #[test]
@@ -235,13 +354,24 @@ fn a_halted_tree_is_idle_and_every_started_action_ends_once() {
                     assert_eq!(tree.status(id), Status::Idle, "{text}");
                 }
                 for event in &events {
-                    assert!(event.starts_with('-') && running.remove(&event[1..]), "{text}: {event} on a node that does not run");
+                    let is_right = match event.as_bytes()[0] {
+                        b'-' => running.remove(&event[1..]),
+                        // Cleaning up begins, and ends with the halt.
+                        _ => running.insert(event[1..].to_owned()),
+                    };
+                    assert!(is_right, "{text}: {event}");
                 }
+                running.retain(|name| !events.contains(&format!("+{name}")));
                 assert!(running.is_empty(), "{text}: {running:?} were not halted");
                 continue;
             }
             let status = tree.tick(f64::from(tick), &mut events);
-            for event in &events {
+            for (event_idx, event) in events.iter().enumerate() {
+                // An earlier call of this tick may have been the last one of an activation.
+                let was_called = events[..event_idx].iter().any(|earlier| earlier[1..] == event[1..]);
+                if event.starts_with('+') && was_called {
+                    running.remove(&event[1..]);
+                }
                 match event.as_bytes()[0] {
                     b'-' => assert!(running.remove(&event[1..]), "{text}: {event} on a node that does not run"),
                     b'+' => assert!(running.insert(event[1..].to_owned()), "{text}: {event} on a running node"),
@@ -277,9 +407,28 @@ fn random_tree(next: &mut impl FnMut(u64) -> u64, depth: u32, n_leaves: &mut u32
         "timeout{secs:3}",
         "inverter",
         "force_success",
+        "keep_running_until_failure",
+        "delay{secs:1}",
+        "rate_limit{hz:0.5}",
+        "run_once",
+        "async_sequence",
+        "async_fallback",
+        "sequence_with_memory",
+        "parallel_all",
+        "if_then_else",
+        "while_do_else",
+        "try_catch",
+        "try_catch{catch_on_halt:true}",
+        "recover{attempts:2,on:broken}",
     ];
-    let kind_idx = usize::try_from(next(11)).unwrap();
-    let n_children = if kind_idx < 6 { 1 + next(3) } else { 1 };
+    let kind_idx = usize::try_from(next(24)).unwrap();
+    let n_children = match kind_idx {
+        0..6 | 15..19 => 1 + next(3),
+        19 | 20 => 2 + next(2),
+        21 | 22 => 2 + next(2),
+        23 => 2,
+        _ => 1,
+    };
     let children: Vec<String> = (0..n_children).map(|_| random_tree(next, depth - 1, n_leaves)).collect();
     format!("{}[{}]", kinds[kind_idx], children.join(" "))
 }

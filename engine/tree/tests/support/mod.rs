@@ -1,23 +1,25 @@
 //! Scripted leaves and trees written as one line.
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used, reason = "shared by several test binaries; tests fail by panicking")]
 
-use sfg_tree::{Action, Failure, Literal, NodeSpec, Outcome, PortSpec, Progress, Registry, Status, Tick, Tree, TreeSpec};
+use sfg_tree::{Action, Failure, Halt, Literal, NodeSpec, Outcome, PortSpec, Progress, Registry, Status, Tick, Tree, TreeSpec};
 
 /// What happened to leaves: `+a` started, `.a` polled, `-a` halted.
 pub type Events = Vec<String>;
 
 /// Letters, one per tick: R running, S success, F failure, K skipped, X panic. `|` separates activations; the last letter of an
-/// activation and the last activation repeat.
+/// activation and the last activation repeat. `!2` at the end: a halt is done when it is asked for the third time.
 #[derive(Default)]
 struct Scripted {
     activation_idx: usize,
     letter_idx: usize,
     is_before_first: bool,
+    n_halts: usize,
 }
 
 impl Scripted {
     fn letter(&mut self, tick: &mut Tick<'_, Events>) -> Outcome {
         let script = tick.get::<String>("script")?;
+        let script = script.split('!').next().unwrap_or(&script);
         let activations: Vec<&str> = script.split('|').collect();
         let letters = activations[self.activation_idx.min(activations.len() - 1)].as_bytes();
         match letters[self.letter_idx.min(letters.len() - 1)] {
@@ -45,9 +47,16 @@ impl Action<Events> for Scripted {
         self.letter_idx += 1;
         self.letter(tick)
     }
-    fn halt(&mut self, tick: &mut Tick<'_, Events>) {
-        let name = tick.get::<String>("name_").unwrap();
+    fn halt(&mut self, tick: &mut Tick<'_, Events>) -> Halt {
+        let (name, script) = (tick.get::<String>("name_").unwrap(), tick.get::<String>("script").unwrap());
         tick.context.push(format!("-{name}"));
+        let n_needed = script.split_once('!').map_or(0, |(_, n)| n.parse().unwrap());
+        if self.n_halts < n_needed {
+            self.n_halts += 1;
+            return Halt::Pending { within_secs: 3.0 };
+        }
+        self.n_halts = 0;
+        Halt::Done
     }
 }
 
@@ -60,7 +69,12 @@ pub fn registry() -> Registry<Events> {
             PortSpec::setting::<String>("reason").default_value("broken"),
         ]
     };
-    registry.action("scripted", ports(), || Scripted { is_before_first: true, ..Scripted::default() });
+    let make = || Scripted { is_before_first: true, ..Scripted::default() };
+    registry.action("scripted", ports(), make);
+    registry.action("free", ports(), make).occupies(Vec::<String>::new());
+    registry.action("arm", ports(), make).occupies(["arm"]);
+    registry.action("hand", ports(), make).occupies(["hand"]);
+    registry.action("both", ports(), make).occupies(["arm", "hand"]);
     // A condition reads its script by the number of the tick.
     registry.condition("condition", ports(), |tick| {
         let (name, script) = (tick.get::<String>("name_")?, tick.get::<String>("script")?);
@@ -71,7 +85,7 @@ pub fn registry() -> Registry<Events> {
     registry
 }
 
-/// `sequence[a=RS b=F]`, `retry{attempts:3,on:slipped}[a=F/slipped]`, `sequence[c?SSF a=RRR]`.
+/// `sequence[a=RS b=F]`, `retry{attempts:3,on:slipped}[a=F/slipped]`, `sequence[c?SSF a=RRR]`; `arm.a=R` occupies the arm.
 pub fn parse(text: &str) -> NodeSpec {
     let mut rest = text;
     let node = parse_node(&mut rest);
@@ -81,14 +95,23 @@ pub fn parse(text: &str) -> NodeSpec {
 
 fn parse_node(rest: &mut &str) -> NodeSpec {
     *rest = rest.trim_start();
-    let end = rest.find(['=', '?', '[', '{']).unwrap();
+    let end = rest.find(['=', '?', '[', '{', ']', ' ']).unwrap_or(rest.len());
+    if rest[end..].starts_with([']', ' ']) || end == rest.len() {
+        let name = &rest[..end];
+        *rest = &rest[end..];
+        return NodeSpec::new(name);
+    }
     let (name, mark) = (&rest[..end], rest.as_bytes()[end]);
     *rest = &rest[end..];
     if mark == b'=' || mark == b'?' {
         let end = rest.find([' ', ']']).unwrap_or(rest.len());
         let (script, reason) = rest[1..end].split_once('/').unwrap_or((&rest[1..end], "broken"));
         *rest = &rest[end..];
-        let kind = if mark == b'=' { "scripted" } else { "condition" };
+        let (kind, name) = match name.split_once('.') {
+            Some((kind, name)) => (kind, name),
+            None if mark == b'=' => ("scripted", name),
+            None => ("condition", name),
+        };
         return NodeSpec::new(kind).title(name).with("name_", name).with("script", script).with("reason", reason);
     }
     let mut node = NodeSpec::new(name);
@@ -98,12 +121,17 @@ fn parse_node(rest: &mut &str) -> NodeSpec {
             let (port, value) = pair.split_once(':').unwrap();
             let literal = if port == "on" {
                 Literal::from(value.split('+').collect::<Vec<_>>())
+            } else if let Ok(truth) = value.parse::<bool>() {
+                Literal::Bool(truth)
             } else {
                 value.parse::<i64>().map_or_else(|_text| Literal::from(value.parse::<f64>().unwrap()), Literal::Int)
             };
             node = node.with(port, literal);
         }
         *rest = &rest[end + 1..];
+        if !rest.starts_with('[') {
+            return node;
+        }
     }
     *rest = &rest[1..];
     while !rest.trim_start().starts_with(']') {
