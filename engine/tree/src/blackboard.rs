@@ -1,10 +1,11 @@
 //! Values shared between nodes, in numbered slots. Names exist only while a tree is built.
 
-use crate::literal::Literal;
+use crate::literal::{FromLiteral as _, Literal};
 use crate::port::{PortType, Value};
 use crate::script::{Scalar, scalar_of};
 use crate::status::{Failure, reason};
 use std::any::{Any, TypeId};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// One shared value.
@@ -115,23 +116,68 @@ pub(crate) fn to_entry(scalar: Scalar<'_>, old: Option<&Value>, port_type: Optio
         _ if id == TypeId::of::<Literal>() => return Ok(Arc::new(scalar.into_literal())),
         _ => {}
     }
-    let convert = port_type.and_then(|port_type| port_type.convert.as_ref());
-    let Some(convert) = convert else {
-        let name = port_type.map_or("another type", PortType::name);
-        return Err(format!("an entry of type {name} cannot be written by a script"));
-    };
-    convert(&scalar.into_literal())
+    let literal = scalar.into_literal();
+    let Some(port_type) = port_type else { return Ok(Arc::new(literal)) };
+    match &port_type.convert {
+        Some(convert) => convert(&literal),
+        None => by_type(&literal, port_type)
+            .unwrap_or_else(|| Err(format!("an entry of type {} cannot be written by a script", port_type.name()))),
+    }
+}
+
+type ToLiteral = Arc<dyn Fn(&(dyn Any + Send + Sync)) -> Option<Literal> + Send + Sync>;
+type FromLiteral = Arc<dyn Fn(&Literal) -> Result<Value, String> + Send + Sync>;
+
+/// How values of a type that files cannot give are written down and read back.
+#[derive(Clone)]
+pub(crate) struct Form {
+    pub(crate) to: ToLiteral,
+    pub(crate) from: FromLiteral,
 }
 
 /// A value as a literal, where its type has that form.
-pub(crate) fn to_literal(value: &Value, port_type: Option<&PortType>) -> Option<Literal> {
+pub(crate) fn to_literal(value: &Value, port_type: Option<&PortType>, forms: &HashMap<TypeId, Form>) -> Option<Literal> {
     if let Some(scalar) = scalar_of(&**value) {
         return Some(scalar.into_literal());
     }
     if let Some(literal) = value.downcast_ref::<Literal>() {
         return Some(literal.clone());
     }
-    port_type?.to_literal.as_ref()?(&**value)
+    match forms.get(&(**value).type_id()) {
+        Some(form) => (form.to)(&**value),
+        None => port_type?.to_literal.as_ref()?(&**value),
+    }
+}
+
+/// The value that [`to_literal`] wrote down, for an entry of the type.
+pub(crate) fn from_literal(
+    literal: &Literal,
+    port_type: Option<&PortType>,
+    forms: &HashMap<TypeId, Form>,
+) -> Result<Value, String> {
+    let Some(port_type) = port_type else { return Ok(Arc::new(literal.clone())) };
+    if let Some(form) = forms.get(&port_type.id) {
+        return (form.from)(literal);
+    }
+    match &port_type.convert {
+        Some(convert) => convert(literal),
+        None if port_type.id == TypeId::of::<Literal>() => Ok(Arc::new(literal.clone())),
+        None => by_type(literal, port_type)
+            .unwrap_or_else(|| Err(format!("a value of type {} cannot be read back", port_type.name()))),
+    }
+}
+
+/// The value for an entry whose type is one that files can give, though none of its ports takes literals.
+fn by_type(literal: &Literal, port_type: &PortType) -> Option<Result<Value, String>> {
+    macro_rules! try_types {
+        ($($candidate:ty),*) => { $(
+            if port_type.id == TypeId::of::<$candidate>() {
+                return Some(<$candidate>::from_literal(literal).map(|value| Arc::new(value) as Value));
+            }
+        )* };
+    }
+    try_types!(f64, i64, bool, String, u32, i32, u64, usize, u8);
+    None
 }
 
 /// The failure of a node that needs a value nobody has written.

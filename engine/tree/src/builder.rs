@@ -2,19 +2,20 @@
 
 use crate::blackboard::Source;
 use crate::check::{Board, Use};
+use crate::condition::{Conditions, Script};
+use crate::leaf::{Leaf, LeafKind, Parts};
 use crate::literal::Literal;
+use crate::models::Children;
 use crate::nearest::nearest;
 use crate::port::{Direction, PortSpec};
 use crate::problem::{BuildError, Problem};
-use crate::condition::{Conditions, Script};
-use crate::leaf::{Leaf, LeafKind, Parts};
-use crate::models::Children;
 use crate::registry::{Factory, Footprint, Registry};
 use crate::script;
 use crate::spec::{NodeKind, NodeSpec, PortSetting, PortValue, SubtreeSpec, TreeSpec, When};
 use crate::status::Status;
 use crate::tree::{Kind, NONE, Node, NodeId, Runtime, Tree};
-use std::collections::{BTreeMap, BTreeSet};
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::{Arc, LazyLock};
 
 /// Recursion while ticking stays within any thread's stack.
@@ -31,7 +32,7 @@ static SCRIPT_OUT: LazyLock<PortSpec> = LazyLock::new(|| PortSpec::any_key("scri
 #[derive(Default)]
 struct Scope {
     path: String,
-    keys: BTreeMap<String, u32>,
+    keys: HashMap<String, u32>,
     read_only: BTreeSet<String>,
     /// The scope that keys come from which are not connected.
     automatic: Option<usize>,
@@ -43,7 +44,7 @@ const ROOT: usize = 0;
 struct Builder<'a, C> {
     registry: &'a Registry<C>,
     spec: &'a TreeSpec,
-    names: BTreeMap<&'a str, usize>,
+    names: HashMap<&'a str, usize>,
     subtrees: BTreeMap<&'a str, &'a SubtreeSpec>,
     tree: Tree<C>,
     board: Board<'a>,
@@ -60,6 +61,13 @@ struct Builder<'a, C> {
 
 pub(crate) fn build<C>(registry: &Registry<C>, spec: &TreeSpec) -> Result<Tree<C>, Vec<BuildError>> {
     let mut builder = Builder::new(registry, spec);
+    let (n_nodes, n_ports) = size_of(&spec.root);
+    let (n_nodes, n_ports) = (n_nodes.min(MAX_NODES), n_ports.min(MAX_NODES));
+    builder.tree.nodes.reserve(n_nodes);
+    builder.tree.locations.reserve(n_nodes);
+    builder.tree.children.reserve(n_nodes);
+    builder.tree.sources.reserve(n_ports);
+    builder.board.uses.reserve(n_ports);
     builder.board.allows_unwritten = spec.allows_unwritten_keys;
     builder.board.has_untyped_texts = spec.has_untyped_texts;
     for (key, port_type) in &registry.entries {
@@ -92,7 +100,7 @@ impl<'a, C> Builder<'a, C> {
             slot_types: Vec::new(),
             root_keys: BTreeMap::new(),
             kept: BTreeMap::new(),
-            run: Runtime::default(),
+            run: Runtime { forms: Arc::clone(&registry.forms), ..Runtime::default() },
         };
         let names = registry.models.iter().enumerate().map(|(model_idx, model)| (&*model.name, model_idx)).collect();
         let (mut subtrees, mut errors) = (BTreeMap::new(), Vec::new());
@@ -189,7 +197,8 @@ impl<'a, C> Builder<'a, C> {
     fn named(&mut self, spec: &'a NodeSpec, name: &str, id: NodeId, parent: NodeId, scope: usize) {
         let Some(&model_idx) = self.names.get(name) else {
             self.push(spec, Some(spec.title.as_deref().unwrap_or(name)), Kind::Sequence, 0, parent, spec.children.len());
-            let help = nearest(name, self.names.keys().copied()).map(|near| format!("did you mean {near:?}?"));
+            let help = nearest(name, self.registry.models.iter().map(|model| &*model.name))
+                .map(|near| format!("did you mean {near:?}?"));
             self.error(spec.location, id, Problem::UnknownNode { name: name.to_owned() }, help);
             return self.children(spec, id, scope);
         };
@@ -232,7 +241,9 @@ impl<'a, C> Builder<'a, C> {
             Children::AtLeast(1) => (n_found >= 1, "at least one child".to_owned()),
             Children::AtLeast(n) => (n_found >= n, format!("at least {n} children")),
             Children::TwoOrThree => (n_found == 2 || n_found == 3, "two or three children".to_owned()),
-            Children::OneMoreThanCases => (n_found == items("cases"), format!("{} children: one for each case and one more", items("cases"))),
+            Children::OneMoreThanCases => {
+                (n_found == items("cases"), format!("{} children: one for each case and one more", items("cases")))
+            }
             Children::OneMoreThanReasons => {
                 (n_found == items("on"), format!("{} children: what is done and one for each reason", items("on")))
             }
@@ -286,8 +297,10 @@ impl<'a, C> Builder<'a, C> {
             }
             PortValue::Literal(_) => {}
             PortValue::Key(_) => {
-                let problem =
-                    Problem::BadLiteral { port: port.to_owned(), message: "expected a script, found a blackboard key".to_owned() };
+                let problem = Problem::BadLiteral {
+                    port: port.to_owned(),
+                    message: "expected a script, found a blackboard key".to_owned(),
+                };
                 self.error(setting.location, id, problem, Some("scripts are read when the tree is built".to_owned()));
             }
         }
@@ -332,7 +345,7 @@ impl<'a, C> Builder<'a, C> {
                 _ => &[&SCRIPT_IN],
             };
             for port in directions {
-                let (key, fields) = (name.key.clone(), fields.clone());
+                let (key, fields) = (Cow::Owned(name.key.clone()), fields.clone());
                 self.board.uses.push(Use { slot, port, label, fields, node: id, location, key, source_idx });
             }
             self.tree.sources.push(Source::Slot(slot));
@@ -365,7 +378,8 @@ impl<'a, C> Builder<'a, C> {
 
     fn ports(&mut self, spec: &'a NodeSpec, model_idx: usize, id: NodeId, scope: usize) {
         let model = &self.registry.models[model_idx];
-        if !spec.ports.is_empty() {
+        let is_known = |setting: &PortSetting| model.ports.iter().any(|port| port.name == setting.name);
+        if spec.ports.len() > model.ports.len() || !spec.ports.iter().all(is_known) || has_twice(&spec.ports) {
             let known: Vec<&str> = model.ports.iter().map(PortSpec::name).collect();
             self.unknown_ports(spec, &model.name, &known, id);
         }
@@ -436,9 +450,10 @@ impl<'a, C> Builder<'a, C> {
     }
 
     fn key(&mut self, port: &'a PortSpec, key: &'a str, id: NodeId, location: u32, scope: usize) -> Source {
-        let mut words = key.split('.');
-        let base = words.next().unwrap_or(key);
-        let fields: Vec<String> = words.map(str::to_owned).collect();
+        let (base, fields) = match key.split_once('.') {
+            None => (key, Vec::new()),
+            Some((base, fields)) => (base, fields.split('.').map(str::to_owned).collect()),
+        };
         if port.direction.writes() && (self.scopes[scope].read_only.contains(base) || !fields.is_empty()) {
             let problem = Problem::ReadOnlyKey { port: port.name.to_string(), key: key.to_owned() };
             let help = if fields.is_empty() {
@@ -450,7 +465,7 @@ impl<'a, C> Builder<'a, C> {
         }
         let slot = self.slot(scope, base);
         let source_idx = self.tree.sources.len();
-        let (label, key) = (&port.name, key.to_owned());
+        let (label, key) = (&port.name, Cow::Borrowed(key));
         self.board.uses.push(Use { slot, port, label, fields, node: id, location, key, source_idx });
         Source::Slot(slot)
     }
@@ -574,9 +589,18 @@ impl<'a, C> Builder<'a, C> {
             self.tree.nodes.truncate(n_nodes);
             self.tree.locations.truncate(n_nodes);
         }
-        self.tree.root_keys = std::mem::take(&mut self.scopes[ROOT].keys);
+        self.tree.root_keys = std::mem::take(&mut self.scopes[ROOT].keys).into_iter().collect();
         Ok(self.tree)
     }
+}
+
+fn has_twice(ports: &[PortSetting]) -> bool {
+    ports.iter().enumerate().any(|(port_idx, port)| ports[..port_idx].iter().any(|earlier| earlier.name == port.name))
+}
+
+/// Nodes and port settings as written, to make room for.
+fn size_of(spec: &NodeSpec) -> (usize, usize) {
+    spec.children.iter().map(size_of).fold((1, spec.ports.len()), |sum, child| (sum.0 + child.0, sum.1 + child.1))
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "bounded by MAX_NODES times the ports of a node")]

@@ -7,6 +7,7 @@ use crate::port::{PortSpec, PortType, Value};
 use crate::problem::{BuildError, Problem};
 use crate::tree::{NodeId, Tree};
 use std::any::TypeId;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -19,7 +20,7 @@ pub(crate) struct Use<'a> {
     pub(crate) fields: Vec<String>,
     pub(crate) node: NodeId,
     pub(crate) location: u32,
-    pub(crate) key: String,
+    pub(crate) key: Cow<'a, str>,
     pub(crate) source_idx: usize,
 }
 
@@ -149,7 +150,7 @@ impl<'a> Board<'a> {
                     Some(later) if later.node != one.node => Some(format!("it is written later, by {}", tree.path(later.node))),
                     _ => help_for_unwritten(tree, one, &is_written),
                 };
-                let problem = Problem::DanglingKey { port: one.label.to_owned(), key: one.key.clone() };
+                let problem = Problem::DanglingKey { port: one.label.to_owned(), key: one.key.to_string() };
                 errors.push(error_at(tree, one, problem, help));
             }
             is_written[slot] |= one.port.direction.writes();
@@ -195,7 +196,7 @@ fn type_clash<C>(tree: &Tree<C>, one: &Use<'_>, settled: &Settled) -> Option<Fin
         None => ("the application".to_owned(), "provides"),
         Some((node, writes)) => (tree.path(node), if writes { "writes" } else { "reads" }),
     };
-    let (port, key, found) = (one.label.to_owned(), one.key.clone(), one.port.port_type.name.clone());
+    let (port, key, found) = (one.label.to_owned(), one.key.to_string(), one.port.port_type.name.clone());
     Some((Problem::TypeClash { port, key, found, expected: settled.port_type.name.clone(), other, other_does }, None))
 }
 
@@ -223,7 +224,7 @@ fn resolve_fields(
     if one.port.port_type.is_any() || port_type.id == one.port.port_type.id {
         return Ok(accessors);
     }
-    let (port, key, found) = (one.label.to_owned(), one.key.clone(), one.port.port_type.name.clone());
+    let (port, key, found) = (one.label.to_owned(), one.key.to_string(), one.port.port_type.name.clone());
     let (other, other_does) = ("the field".to_owned(), "provides");
     Err(Box::new((Problem::TypeClash { port, key, found, expected: port_type.name, other, other_does }, None)))
 }

@@ -196,7 +196,10 @@ impl<C> Tree<C> {
             items.get(item_idx).map(|item| Arc::new(item.clone()) as Value)
         } else {
             let Some(item) = self.lists.iter().find_map(|list_type| (list_type.next)(&*list, item_idx)) else {
-                return Err(Failure::new(reason::WRONG_TYPE, "port \"over\": the value is of no type that is known as a list or queue"));
+                return Err(Failure::new(
+                    reason::WRONG_TYPE,
+                    "port \"over\": the value is of no type that is known as a list or queue",
+                ));
             };
             item
         };
@@ -282,7 +285,11 @@ impl<C> Tree<C> {
 
     fn do_built_in_leaf(&mut self, id: NodeId, kind: Kind, is_start: bool) -> Result<Status, Failure> {
         let holds = |truth: bool| {
-            if truth { Ok(Status::Success) } else { Err(Failure { reason: reason::CONDITION_FALSE.into(), detail: String::new() }) }
+            if truth {
+                Ok(Status::Success)
+            } else {
+                Err(Failure { reason: reason::CONDITION_FALSE.into(), detail: String::new() })
+            }
         };
         match kind {
             Kind::Script => {

@@ -13,7 +13,7 @@ pub enum JournalLevel {
     Transitions,
     /// Port writes as well.
     Writes,
-    /// Port writes with their values, where these have the form of a literal.
+    /// Port writes with their values, where these have the form of a literal, and every tick: enough for [`crate::replay`].
     Values,
 }
 
@@ -49,6 +49,80 @@ pub enum Change {
         /// What was written, at [`JournalLevel::Values`].
         value: Option<Box<Literal>>,
     },
+    /// A tick begins. The node is the root.
+    Ticked,
+    /// The owner halts the tree. The node is the root.
+    HaltAsked,
+}
+
+/// A [`Record`] with names in place of numbers, for files. Numbers change when a tree is built anew.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedRecord {
+    /// Number of the tick, from 1.
+    pub tick_idx: u64,
+    /// Time handed to that tick.
+    pub now_secs: f64,
+    /// The way to the node from the root; of siblings with the same name the second is `lift#2`. Empty for the application.
+    pub path: String,
+    /// What happened.
+    pub change: NamedChange,
+}
+
+/// A [`Change`] with names in place of numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NamedChange {
+    /// Another status.
+    Status {
+        /// Before.
+        from: Status,
+        /// After.
+        to: Status,
+    },
+    /// The node itself failed, and why.
+    Failed(Failure),
+    /// The node wrote a blackboard entry.
+    Write {
+        /// Its key; entries of subtrees begin with the path of the subtree.
+        key: String,
+        /// What was written, where it has the form of a literal.
+        value: Option<Literal>,
+    },
+    /// A tick begins.
+    Ticked,
+    /// The owner halts the tree.
+    HaltAsked,
+}
+
+/// Names of the nodes and entries of a tree; made by [`crate::Tree::names`], valid until it is reloaded.
+#[derive(Clone, Debug)]
+pub struct Names {
+    pub(crate) paths: Vec<String>,
+    pub(crate) keys: Vec<String>,
+}
+
+impl Names {
+    /// The way to a node.
+    #[must_use]
+    pub fn path(&self, node: u32) -> &str {
+        self.paths.get(node as usize).map_or("", String::as_str)
+    }
+
+    /// The record with names.
+    #[must_use]
+    pub fn of(&self, record: Record) -> NamedRecord {
+        let change = match record.change {
+            Change::Status { from, to } => NamedChange::Status { from, to },
+            Change::Failed(failure) => NamedChange::Failed(*failure),
+            Change::Write { slot, value } => {
+                let key = self.keys.get(slot as usize).cloned().unwrap_or_default();
+                NamedChange::Write { key, value: value.map(|value| *value) }
+            }
+            Change::Ticked => NamedChange::Ticked,
+            Change::HaltAsked => NamedChange::HaltAsked,
+        };
+        let path = self.path(record.node).to_owned();
+        NamedRecord { tick_idx: record.tick_idx, now_secs: record.now_secs, path, change }
+    }
 }
 
 /// The events since the last [`crate::Tree::drain_journal`].

@@ -125,8 +125,7 @@ impl<C> Tree<C> {
                 return Ok(false);
             }
         }
-        let is_taken =
-            |active: &NodeId| *active != id && self.parts_of_leaf(*active).named & parts.named != 0;
+        let is_taken = |active: &NodeId| *active != id && self.parts_of_leaf(*active).named & parts.named != 0;
         Ok(!self.run.active.iter().any(is_taken))
     }
 

@@ -97,8 +97,20 @@ pub(crate) fn built_in() -> Vec<BuiltIn> {
             vec![],
             "A fallback that lets the rest of the tree have a tick after each child done in one call.",
         ),
-        control(Kind::ReactiveSequence, "reactive_sequence", any, vec![], "A sequence that begins with its first child on every tick."),
-        control(Kind::ReactiveFallback, "reactive_fallback", any, vec![], "A fallback that begins with its first child on every tick."),
+        control(
+            Kind::ReactiveSequence,
+            "reactive_sequence",
+            any,
+            vec![],
+            "A sequence that begins with its first child on every tick.",
+        ),
+        control(
+            Kind::ReactiveFallback,
+            "reactive_fallback",
+            any,
+            vec![],
+            "A fallback that begins with its first child on every tick.",
+        ),
         control(
             Kind::Parallel,
             "parallel",
@@ -116,7 +128,13 @@ pub(crate) fn built_in() -> Vec<BuiltIn> {
             vec![count("max_failures", "Failures that make it fail; a negative number counts from the end.").default_value(1)],
             "Ticks all its children until each is done.",
         ),
-        control(Kind::IfThenElse, "if_then_else", TwoOrThree, vec![], "Asks its first child once, then does the second or the third."),
+        control(
+            Kind::IfThenElse,
+            "if_then_else",
+            TwoOrThree,
+            vec![],
+            "Asks its first child once, then does the second or the third.",
+        ),
         control(
             Kind::WhileDoElse,
             "while_do_else",
@@ -208,7 +226,10 @@ pub(crate) fn built_in() -> Vec<BuiltIn> {
         decorator(
             Kind::Precondition,
             "precondition",
-            vec![script("if", "Condition that must hold before the child begins."), result("else", "failure", "Result when it does not hold.")],
+            vec![
+                script("if", "Condition that must hold before the child begins."),
+                result("else", "failure", "Result when it does not hold."),
+            ],
             "Does its child if a condition holds.",
         ),
         decorator(

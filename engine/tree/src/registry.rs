@@ -1,18 +1,19 @@
 //! The node kinds a tree can use.
 
 use crate::action::{Action, Tick};
-use crate::blackboard::Accessor;
+use crate::blackboard::{Accessor, Form};
 use crate::builder;
+use crate::literal::Literal;
 use crate::models::{self, BuiltIn, Children};
 use crate::port::{PortSpec, PortType, Value};
 use crate::problem::BuildError;
+use crate::queue::Queue;
 use crate::spec::TreeSpec;
 use crate::status::{Failure, reason};
-use crate::queue::Queue;
 use crate::tree::{Kind, Tree};
 use std::any::{Any, TypeId};
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 /// How many children a node has and what it does with them.
@@ -117,6 +118,7 @@ pub struct Registry<C> {
     pub(crate) fields: BTreeMap<(TypeId, String), (PortType, Accessor)>,
     pub(crate) entries: Vec<(String, PortType)>,
     pub(crate) lists: Vec<ListType>,
+    pub(crate) forms: Arc<HashMap<TypeId, Form>>,
 }
 
 /// How a `loop` goes over a type: the item of a number, or the next of a queue; nothing when the value is of another type.
@@ -137,7 +139,8 @@ impl<C> Registry<C> {
     pub fn new() -> Self {
         let (fields, entries) = (BTreeMap::new(), Vec::new());
         let (models, factories, defaults, lists) = (Arc::new(Vec::new()), Vec::new(), Vec::new(), Vec::new());
-        let mut registry = Self { models, factories, defaults, fields, entries, lists };
+        let forms = Arc::new(HashMap::new());
+        let mut registry = Self { models, factories, defaults, fields, entries, lists, forms };
         for BuiltIn { kind, children, model } in models::built_in() {
             registry.add(model, Factory::BuiltIn(kind, children));
         }
@@ -216,6 +219,17 @@ impl<C> Registry<C> {
                 value.downcast_ref::<Queue<T>>().map(|queue| queue.pop().map(|item| Arc::new(item) as Value))
             },
         });
+    }
+
+    /// Says how values of a type are written down and read back, so that a saved tree and a journal can hold them.
+    pub fn literal_form<T: Any + Send + Sync>(
+        &mut self,
+        to: impl Fn(&T) -> Option<Literal> + Send + Sync + 'static,
+        from: impl Fn(&Literal) -> Result<T, String> + Send + Sync + 'static,
+    ) {
+        let to = Arc::new(move |value: &(dyn Any + Send + Sync)| value.downcast_ref::<T>().and_then(&to));
+        let from = Arc::new(move |literal: &Literal| from(literal).map(|value| Arc::new(value) as Value));
+        Arc::make_mut(&mut self.forms).insert(TypeId::of::<T>(), Form { to, from });
     }
 
     /// Declares a blackboard entry of the root scope that the application sets before the first tick.

@@ -139,9 +139,7 @@ impl Expr {
             Self::Binary(Operator::And, sides) => {
                 Ok(Scalar::Bool(sides.0.eval(names)?.truth()? && sides.1.eval(names)?.truth()?))
             }
-            Self::Binary(Operator::Or, sides) => {
-                Ok(Scalar::Bool(sides.0.eval(names)?.truth()? || sides.1.eval(names)?.truth()?))
-            }
+            Self::Binary(Operator::Or, sides) => Ok(Scalar::Bool(sides.0.eval(names)?.truth()? || sides.1.eval(names)?.truth()?)),
             Self::Binary(operator, sides) => binary(*operator, &sides.0.eval(names)?, &sides.1.eval(names)?),
         }
     }
@@ -300,7 +298,8 @@ impl Parser {
         let key = &body[..n_key];
         if !is_key(key) || key.contains('.') {
             let at = piece.start..piece.start + n_key.max(1);
-            let message = if key.contains('.') { "a field of an entry cannot be assigned" } else { "a key to assign to is missing" };
+            let message =
+                if key.contains('.') { "a field of an entry cannot be assigned" } else { "a key to assign to is missing" };
             return Err(ScriptError { at, message: message.to_owned() });
         }
         let from = piece.start + n_key + n_blank + n_sign;
@@ -350,7 +349,8 @@ impl Parser {
         expression: &Expression,
         place: &impl Fn(Option<Range<usize>>) -> Range<usize>,
     ) -> Result<Expr, ScriptError> {
-        let refuse = |what: &str| Err(ScriptError { at: place(expression.span()), message: format!("{what} cannot be used in a script") });
+        let refuse =
+            |what: &str| Err(ScriptError { at: place(expression.span()), message: format!("{what} cannot be used in a script") });
         match expression {
             Expression::Bool(value) => Ok(Expr::Constant(Scalar::Bool(*value.value()))),
             Expression::Number(number) => match number.value().as_f64() {

@@ -104,6 +104,8 @@ pub mod reason {
     pub const ALWAYS_FAILURE: &str = "always_failure";
     /// A value does not have the type of the entry it is copied to.
     pub const WRONG_TYPE: &str = "wrong_type";
+    /// The system gives no thread for a threaded action.
+    pub const NO_THREAD: &str = "no_thread";
 
     /// Every reason above.
     pub const ALL: &[&str] = &[
@@ -119,5 +121,6 @@ pub mod reason {
         NOTHING_LEFT,
         ALWAYS_FAILURE,
         WRONG_TYPE,
+        NO_THREAD,
     ];
 }

@@ -1,8 +1,8 @@
 //! A runnable tree: ticking, halting, and what can be asked about it.
 
-use crate::blackboard::{self, Blackboard, Source, Stamp};
+use crate::blackboard::{self, Blackboard, Form, Source, Stamp};
 use crate::condition::{Conditions, Script};
-use crate::journal::{Change, Journal, JournalLevel, Record};
+use crate::journal::{Change, Journal, JournalLevel, Names, Record};
 use crate::leaf::{Leaf, Stopping};
 use crate::literal::Literal;
 use crate::port::{PortType, Value};
@@ -10,8 +10,8 @@ use crate::problem::EntryError;
 use crate::registry::{ListType, NodeClass, NodeModel};
 use crate::status::{Failure, Status, reason};
 use crate::waker::Waker;
-use std::any::Any;
-use std::collections::BTreeMap;
+use std::any::{Any, TypeId};
+use std::collections::{BTreeMap, HashMap};
 use std::fmt;
 use std::sync::Arc;
 
@@ -169,6 +169,7 @@ pub(crate) struct Runtime {
     /// A node has work for another tick at once.
     pub(crate) wants_tick: bool,
     pub(crate) waker: Waker,
+    pub(crate) forms: Arc<HashMap<TypeId, Form>>,
 }
 
 impl Runtime {
@@ -211,7 +212,7 @@ impl Runtime {
         if self.journal.level >= JournalLevel::Writes {
             let value = match &self.board.slots[slot as usize].value {
                 Some(value) if self.journal.level == JournalLevel::Values => {
-                    blackboard::to_literal(value, port_type).map(Box::new)
+                    blackboard::to_literal(value, port_type, &self.forms).map(Box::new)
                 }
                 _ => None,
             };
@@ -246,6 +247,7 @@ impl<C> Tree<C> {
         self.run.tick_idx += 1;
         self.run.now_secs = now_secs;
         self.run.wants_tick = false;
+        self.note_step(Change::Ticked);
         if !self.run.stopping.is_empty() {
             self.poll_stopping(context);
         }
@@ -262,7 +264,20 @@ impl<C> Tree<C> {
     /// Halts what runs. Afterwards every node is idle; blackboard entries stay. An action may need longer to stop:
     /// [`Tree::poll_halt`] tells when all have.
     pub fn halt(&mut self, context: &mut C) {
+        self.note_step(Change::HaltAsked);
         self.halt_node(0, context);
+    }
+
+    fn note_step(&mut self, change: Change) {
+        if self.run.journal.level == JournalLevel::Values {
+            self.run.note(0, change);
+        }
+    }
+
+    /// Names of nodes and entries, for journals that outlive the tree.
+    #[must_use]
+    pub fn names(&self) -> Names {
+        Names { paths: self.unique_paths(), keys: self.slot_keys.clone() }
     }
 
     /// Whether every halted action has stopped; asks those that had not. For use after [`Tree::halt`], at the period of the ticks.
@@ -275,6 +290,18 @@ impl<C> Tree<C> {
     /// The halted actions that have not stopped yet.
     pub fn stopping(&self) -> impl Iterator<Item = NodeId> + '_ {
         self.run.stopping.iter().map(|stopping| stopping.node)
+    }
+
+    /// The time handed to the last tick.
+    #[must_use]
+    pub fn now_secs(&self) -> f64 {
+        self.run.now_secs
+    }
+
+    /// Ends a wait for the next tick, from any thread.
+    #[must_use]
+    pub fn waker(&self) -> Waker {
+        self.run.waker.clone()
     }
 
     /// Whether a node has work for another tick at once, so that waiting for the period would waste time.
@@ -382,6 +409,7 @@ impl<C> Tree<C> {
             }
         }
         self.run.board.write(slot, value, self.run.now_secs);
+        self.run.note_write(NONE, slot, self.slot_types[slot as usize].as_ref());
         Ok(())
     }
 
@@ -395,7 +423,7 @@ impl<C> Tree<C> {
     #[must_use]
     pub fn literal(&self, key: &str) -> Option<Literal> {
         let slot = *self.root_keys.get(key)? as usize;
-        blackboard::to_literal(self.run.board.slots[slot].value.as_ref()?, self.slot_types[slot].as_ref())
+        blackboard::to_literal(self.run.board.slots[slot].value.as_ref()?, self.slot_types[slot].as_ref(), &self.run.forms)
     }
 
     /// The blackboard as it is now. Values are shared, not copied.
@@ -420,7 +448,7 @@ impl<C> Tree<C> {
         }
     }
 
-    fn title(&self, id: NodeId) -> &str {
+    pub(crate) fn title(&self, id: NodeId) -> &str {
         self.titles.get(&id).map_or_else(|| self.kind_name(id), String::as_str)
     }
 

@@ -335,15 +335,9 @@ fn a_recovered_failure_is_kept_in_the_history() {
 #[test]
 fn a_halted_tree_is_idle_and_every_started_action_ends_once() {
     for seed in 1..=300u64 {
-        let mut random = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        let mut next = |bound: u64| {
-            random ^= random << 13;
-            random ^= random >> 7;
-            random ^= random << 17;
-            random % bound
-        };
+        let mut next = support::numbers(seed);
         let mut n_leaves = 0;
-        let text = random_tree(&mut next, 3, &mut n_leaves);
+        let text = support::random_tree(&mut next, 3, &mut n_leaves);
         let mut tree = support::build(&text);
         let mut running = std::collections::BTreeSet::new();
         for tick in 0..40u32 {
@@ -387,48 +381,4 @@ fn a_halted_tree_is_idle_and_every_started_action_ends_once() {
             assert!(status == Status::Running || running.is_empty(), "{text}: {running:?} outlive the tree");
         }
     }
-}
-
-fn random_tree(next: &mut impl FnMut(u64) -> u64, depth: u32, n_leaves: &mut u32) -> String {
-    if depth == 0 || next(5) == 0 {
-        *n_leaves += 1;
-        let script: String = (0..=next(4)).map(|_| ['R', 'R', 'S', 'F', 'K', '|'][usize::try_from(next(6)).unwrap()]).collect();
-        return format!("n{n_leaves}={}R", script.replace('|', "R|"));
-    }
-    let kinds = [
-        "sequence",
-        "fallback",
-        "reactive_sequence",
-        "reactive_fallback",
-        "parallel",
-        "parallel{success:1}",
-        "retry{attempts:2}",
-        "repeat{times:2}",
-        "timeout{secs:3}",
-        "inverter",
-        "force_success",
-        "keep_running_until_failure",
-        "delay{secs:1}",
-        "rate_limit{hz:0.5}",
-        "run_once",
-        "async_sequence",
-        "async_fallback",
-        "sequence_with_memory",
-        "parallel_all",
-        "if_then_else",
-        "while_do_else",
-        "try_catch",
-        "try_catch{catch_on_halt:true}",
-        "recover{attempts:2,on:broken}",
-    ];
-    let kind_idx = usize::try_from(next(24)).unwrap();
-    let n_children = match kind_idx {
-        0..6 | 15..19 => 1 + next(3),
-        19 | 20 => 2 + next(2),
-        21 | 22 => 2 + next(2),
-        23 => 2,
-        _ => 1,
-    };
-    let children: Vec<String> = (0..n_children).map(|_| random_tree(next, depth - 1, n_leaves)).collect();
-    format!("{}[{}]", kinds[kind_idx], children.join(" "))
 }

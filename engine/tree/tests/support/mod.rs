@@ -58,6 +58,22 @@ impl Action<Events> for Scripted {
         self.n_halts = 0;
         Halt::Done
     }
+    fn save(&self) -> Option<Literal> {
+        let numbers = [self.activation_idx, self.letter_idx].map(|number| i64::try_from(number).unwrap());
+        Some(Literal::from(numbers.to_vec()))
+    }
+    fn resume(&mut self, state: &Literal, tick: &mut Tick<'_, Events>) -> Outcome {
+        let Literal::List(numbers) = state else { return Err(Failure::new("broken", "")) };
+        let number = |literal: &Literal| match literal {
+            Literal::Int(number) => usize::try_from(*number).unwrap(),
+            _ => 0,
+        };
+        (self.activation_idx, self.letter_idx) = (number(&numbers[0]), number(&numbers[1]));
+        self.is_before_first = false;
+        let name = tick.get::<String>("name_")?;
+        tick.context.push(format!("~{name}"));
+        Ok(Progress::Running)
+    }
 }
 
 pub fn registry() -> Registry<Events> {
@@ -139,6 +155,61 @@ fn parse_node(rest: &mut &str) -> NodeSpec {
     }
     *rest = &rest.trim_start()[1..];
     node
+}
+
+/// A tree from a seeded generator.
+pub fn random_tree(next: &mut impl FnMut(u64) -> u64, depth: u32, n_leaves: &mut u32) -> String {
+    if depth == 0 || next(5) == 0 {
+        *n_leaves += 1;
+        let script: String = (0..=next(4)).map(|_| ['R', 'R', 'S', 'F', 'K', '|'][usize::try_from(next(6)).unwrap()]).collect();
+        return format!("n{n_leaves}={}R", script.replace('|', "R|"));
+    }
+    let kinds = [
+        "sequence",
+        "fallback",
+        "reactive_sequence",
+        "reactive_fallback",
+        "parallel",
+        "parallel{success:1}",
+        "retry{attempts:2}",
+        "repeat{times:2}",
+        "timeout{secs:3}",
+        "inverter",
+        "force_success",
+        "keep_running_until_failure",
+        "delay{secs:1}",
+        "rate_limit{hz:0.5}",
+        "run_once",
+        "async_sequence",
+        "async_fallback",
+        "sequence_with_memory",
+        "parallel_all",
+        "if_then_else",
+        "while_do_else",
+        "try_catch",
+        "try_catch{catch_on_halt:true}",
+        "recover{attempts:2,on:broken}",
+    ];
+    let kind_idx = usize::try_from(next(24)).unwrap();
+    let n_children = match kind_idx {
+        0..6 | 15..19 => 1 + next(3),
+        19..23 => 2 + next(2),
+        23 => 2,
+        _ => 1,
+    };
+    let children: Vec<String> = (0..n_children).map(|_| random_tree(next, depth - 1, n_leaves)).collect();
+    format!("{}[{}]", kinds[kind_idx], children.join(" "))
+}
+
+/// Numbers below a bound, the same for the same seed.
+pub fn numbers(seed: u64) -> impl FnMut(u64) -> u64 {
+    let mut random = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    move |bound| {
+        random ^= random << 13;
+        random ^= random >> 7;
+        random ^= random << 17;
+        random % bound
+    }
 }
 
 pub fn build(text: &str) -> Tree<Events> {
