@@ -130,7 +130,7 @@ impl<C> Tree<C> {
                 self.reset_children(id, context);
                 return Status::Success;
             }
-            if n_children - n_failed < n_success || n_failed >= n_failure {
+            if n_children - n_failed < n_success || n_failed == n_failure {
                 self.reset_children(id, context);
                 return Status::Failure;
             }

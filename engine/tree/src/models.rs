@@ -31,15 +31,13 @@ fn secs(doc: &'static str) -> PortSpec {
     PortSpec::setting::<f64>("secs").range(0.0, f64::INFINITY).doc(doc)
 }
 
-/// `success`, `failure` or `skipped`.
+/// `success`, `failure`, `skipped` or `running`.
 fn result(name: &'static str, default: &'static str, doc: &'static str) -> PortSpec {
-    let words = ["success", "failure", "skipped"];
-    let shape = Shape::OneOf(words.iter().map(|word| (*word).to_owned()).collect());
-    PortSpec::setting_with::<Status>(name, shape, |literal| match literal {
-        Literal::Text(word) if word == "success" => Ok(Status::Success),
-        Literal::Text(word) if word == "failure" => Ok(Status::Failure),
-        Literal::Text(word) if word == "skipped" => Ok(Status::Skipped),
-        _ => Err(format!("expected one of success, failure, skipped, found {literal}")),
+    const RESULTS: [Status; 4] = [Status::Success, Status::Failure, Status::Skipped, Status::Running];
+    let shape = Shape::OneOf(RESULTS.iter().map(|status| status.name().to_owned()).collect());
+    PortSpec::setting_with::<Status>(name, shape, |literal| {
+        let found = RESULTS.into_iter().find(|status| matches!(literal, Literal::Text(word) if word == status.name()));
+        found.ok_or_else(|| format!("expected one of success, failure, skipped, running, found {literal}"))
     })
     .default_value(default)
     .doc(doc)
