@@ -16,13 +16,25 @@ const SETTLE_SECS: f64 = 0.1;
 pub struct Follower {
     trajectory: JointTrajectory,
     start_secs: Option<f64>,
+    /// Share of the trajectory's own speed that is asked for, and that is gone at now.
+    pace: (f64, f64),
+    /// How far a pace below 1 has put the motion behind, seconds.
+    lag_secs: f64,
 }
+
+/// The pace changes by this much a second at most, so that the arm does not jerk.
+const PACE_CHANGE_PER_SEC: f64 = 1.0;
 
 impl Follower {
     /// Follows `trajectory` from the next period on.
     #[must_use]
     pub fn new(trajectory: JointTrajectory) -> Self {
-        Self { trajectory, start_secs: None }
+        Self { trajectory, start_secs: None, pace: (1.0, 1.0), lag_secs: 0.0 }
+    }
+
+    /// Goes on at this share of the trajectory's own speed, 0 to 1, reached gradually.
+    pub fn set_pace(&mut self, pace: f64) {
+        self.pace.0 = pace.clamp(0.0, 1.0);
     }
 
     /// Sets the coming set point.
@@ -38,8 +50,13 @@ impl Follower {
                 format!("joint {:?} is {error_rad:.2} rad from its set point", robot.chain().joint_names[joint]),
             ));
         }
-        let t_secs = robot.now_secs() - start_secs + robot.period_secs();
+        let (wanted, pace) = &mut self.pace;
+        let change = PACE_CHANGE_PER_SEC * robot.period_secs();
+        *pace += (*wanted - *pace).clamp(-change, change);
+        self.lag_secs += robot.period_secs() * (1.0 - *pace);
+        let t_secs = robot.now_secs() - start_secs + robot.period_secs() - self.lag_secs;
         let (q, dq) = self.trajectory.sample(t_secs);
+        let dq = dq.into_iter().map(|velocity| velocity * *pace).collect();
         robot.set_arm(q, dq);
         Ok(if t_secs >= self.trajectory.duration_secs() + SETTLE_SECS { Progress::Success } else { Progress::Running })
     }
@@ -110,5 +127,9 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         PortSpec::setting::<Vec<f64>>("q_rad").doc("Joint positions of the acting arm, radians."),
         PortSpec::setting::<f64>("speed").default_value(0.5).range(0.01, 1.0).doc("Share of the speed limits."),
     ];
-    registry.action("move_joints", ports, MoveJoints::default).doc("Moves the acting arm to a configuration.");
+    registry
+        .action("move_joints", ports, MoveJoints::default)
+        .doc("Moves the acting arm to a configuration.")
+        .occupies(["arm"])
+        .takes_secs(4.0);
 }

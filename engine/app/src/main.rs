@@ -166,6 +166,7 @@ fn run_one(assets: &Assets, scenario: &Path, options: &RunOptions) -> Result<Exi
         folder: Some(folder.clone()),
         interrupted: &INTERRUPTED,
         simulator: run::Simulator::default(),
+        watch: &|| None,
         on_stage: &print_stage,
     })?;
     print_verdict(&report);

@@ -2,7 +2,7 @@
 
 use crate::assets::Assets;
 use crate::check::BadInput;
-use crate::say::chain;
+use crate::say::{chain, say};
 use crate::scene::draw_scene;
 use crate::sensed;
 use crate::{pictures, plugins};
@@ -15,7 +15,7 @@ use sfg_record::{Picture, Recording, RobotSample, TransitionSample};
 use sfg_scenario::Scenario;
 use sfg_skills::{Kept, Robot, RobotError, SkillContext, StageLog};
 use sfg_synergy::SynergySpace;
-use sfg_tree::{Change, JournalLevel, Registry, Status, Tree};
+use sfg_tree::{EditError, JournalLevel, NamedChange, NamedRecord, Names, Registry, Status, Tree};
 use sfg_types::{FailureReason, FunctionalityAnswer, Instruction, Outcome, PredicateResult, RunFailure, RunReport, StageRecord};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -30,6 +30,8 @@ const REST_SECS: f64 = 0.6;
 const RECORD_EVERY_SECS: f64 = 0.01;
 /// Camera images go to the recording at 2 Hz.
 const IMAGE_EVERY_SECS: f64 = 0.5;
+/// A changed scenario is looked for so often, in robot time.
+const WATCH_EVERY_SECS: f64 = 0.2;
 /// Grains that were set in motion come to rest before the judge looks.
 const JUDGE_AFTER_SECS: f64 = 1.0;
 
@@ -53,6 +55,8 @@ pub(crate) struct RunRequest<'a> {
     pub(crate) interrupted: &'a AtomicBool,
     /// What tests change about the simulator.
     pub(crate) simulator: Simulator<'a>,
+    /// Called now and then between ticks; a scenario that it gives takes the place of the running one.
+    pub(crate) watch: &'a dyn Fn() -> Option<Scenario>,
     /// Called at the end of each stage.
     pub(crate) on_stage: &'a dyn Fn(&StageRecord, f64),
 }
@@ -106,7 +110,8 @@ pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
         log: StageLog::default(),
         kept: Kept::default(),
     };
-    let mut session = Session { request, judge, recording: None, at_grasp: None, meant: None, stage_wall: Vec::new(), begun };
+    let mut session =
+        Session { request, judge, recording: None, at_grasp: None, meant: None, stage_wall: Vec::new(), names: None, begun };
     session.open_recording()?;
     let ready_secs = begun.elapsed().as_secs_f64();
     // Nothing moves on unrecorded.
@@ -131,6 +136,8 @@ struct Session<'a> {
     /// The scene's own name of what stood where the robot saw the thing that it chose.
     meant: Option<String>,
     stage_wall: Vec<(String, f64)>,
+    /// Names of the tree's nodes, for the journal.
+    names: Option<Names>,
     begun: Instant,
 }
 
@@ -158,15 +165,20 @@ impl Session<'_> {
     /// Ticks the tree each control period until it ends, the time is used up or the user interrupts.
     fn tick_to_end(&mut self, skills: &mut SkillContext) -> Result<Ended> {
         let mut tree = self.request.scenario.build_tree(self.request.registry)?;
-        tree.set_journal_level(JournalLevel::Transitions);
+        tree.set_journal_level(JournalLevel::Values);
+        self.names = Some(tree.names());
         let timeout_secs = self.request.scenario.limits.timeout_secs;
         let (mut recorded_secs, mut image_secs) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
-        let mut first_motion_secs = None;
+        let (mut first_motion_secs, mut watched_secs) = (None, 0.0);
         let mut ended = loop {
             let now_secs = skills.robot.now_secs();
             let status = tree.tick(now_secs, skills);
             self.record_stages(skills)?;
             self.record_changes(&mut tree)?;
+            if status == Status::Running && now_secs - watched_secs >= WATCH_EVERY_SECS {
+                watched_secs = now_secs;
+                self.reload(&mut tree);
+            }
             if status != Status::Running {
                 let failure = tree.failure().map(|at| RunFailure {
                     reason: at.failure.reason.to_string(),
@@ -242,6 +254,20 @@ impl Session<'_> {
         Ok(ended)
     }
 
+    /// Goes on with a changed scenario, if there is one and nothing that runs would vanish.
+    fn reload(&mut self, tree: &mut Tree<SkillContext>) {
+        let Some(scenario) = (self.request.watch)() else { return };
+        match tree.reload(self.request.registry, &scenario.tree) {
+            Ok(reloaded) => {
+                self.names = Some(tree.names());
+                let list = |sign: &str, paths: &[String]| paths.iter().map(|path| format!(" {sign}{path}")).collect::<String>();
+                say!("reloaded:{}{}", list("+", &reloaded.added), list("-", &reloaded.removed));
+            }
+            Err(EditError::Build(_)) => say!("not reloaded: {}", scenario.source.path.display()),
+            Err(error) => say!("not reloaded: {error}"),
+        }
+    }
+
     fn record_stages(&mut self, skills: &mut SkillContext) -> Result<()> {
         for (stage, secs) in skills.log.take_new() {
             (self.request.on_stage)(&stage, secs);
@@ -265,18 +291,20 @@ impl Session<'_> {
 
     fn record_changes(&mut self, tree: &mut Tree<SkillContext>) -> Result<()> {
         let changes = tree.drain_journal();
-        let Some(recording) = &mut self.recording else { return Ok(()) };
-        for record in changes {
-            if let Change::Status { from, to } = record.change {
+        let (Some(recording), Some(names)) = (&mut self.recording, &self.names) else { return Ok(()) };
+        let changes: Vec<NamedRecord> = changes.into_iter().map(|record| names.of(record)).collect();
+        for record in &changes {
+            if let NamedChange::Status { from, to } = record.change {
                 recording.transition(&TransitionSample {
                     stamp_secs: record.now_secs,
                     tick: record.tick_idx,
-                    node: tree.path(record.node),
+                    node: record.path.clone(),
                     from: from.name().to_owned(),
                     to: to.name().to_owned(),
                 })?;
             }
         }
+        recording.journal(&changes)?;
         Ok(())
     }
 

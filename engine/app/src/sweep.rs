@@ -215,6 +215,7 @@ fn run_unit(checked: &Checked, assets: &Assets, instruction: &Instruction, seed:
         folder: None,
         interrupted: &INTERRUPTED,
         simulator: crate::run::Simulator::default(),
+        watch: &|| None,
         on_stage: &|_, _| {},
     };
     let failed = |stage: &str, reason: String| Unit {

@@ -3,10 +3,12 @@
 //! What goes in are artefacts of the run and finished PNGs; what comes out are files that are either whole or readable up to
 //! the last second. The crate decides nothing and measures nothing.
 
+pub mod journal;
 pub mod page;
 pub mod recording;
 pub mod report;
 
+pub use journal::{RecordedRun, json_of, literal_of, read_run};
 pub use page::Picture;
 pub use recording::{Recording, RobotSample, TransitionSample};
 pub use report::{write_page, write_report};
@@ -32,6 +34,14 @@ pub enum RecordError {
         path: PathBuf,
         /// Its reason.
         source: mcap::McapError,
+    },
+    /// A recording cannot be read.
+    #[error("cannot read {path}: {message}", path = .path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        message: String,
     },
     /// A value cannot be written as JSON.
     #[error("cannot encode {what}: {source}")]

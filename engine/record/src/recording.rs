@@ -72,6 +72,7 @@ const SCHEMAS: &[(&str, &str, &str)] = &[
         "sfg.Stage.v1",
         r#"{"type":"object","properties":{"stage":{"type":"string"},"stamp_secs":{"type":"number"},"failure":{"type":["string","null"]},"summary":{"type":"string"},"input_sha256":{"type":"string"},"details":{"type":"object"}}}"#,
     ),
+    (crate::journal::TOPIC, "sfg.Journal.v1", crate::journal::SCHEMA),
     ("/verdict", "sfg.Verdict.v1", r#"{"type":"object"}"#),
 ];
 
@@ -111,7 +112,7 @@ impl Recording {
         Ok(())
     }
 
-    fn write(&mut self, topic: &str, stamp_secs: f64, message: &impl Serialize) -> Result<(), RecordError> {
+    pub(crate) fn write(&mut self, topic: &str, stamp_secs: f64, message: &impl Serialize) -> Result<(), RecordError> {
         let bytes = serde_json::to_vec(message).map_err(|source| RecordError::Encode { what: "a message", source })?;
         let Some(channel) = self.channels.get_mut(topic) else {
             unreachable!("every topic is declared before its first message");

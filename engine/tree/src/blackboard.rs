@@ -135,21 +135,26 @@ pub(crate) struct Form {
     pub(crate) from: FromLiteral,
 }
 
-/// A value as a literal, where its type has that form.
-pub(crate) fn to_literal(value: &Value, port_type: Option<&PortType>, forms: &HashMap<TypeId, Form>) -> Option<Literal> {
+/// A value as a literal, where files can give its type.
+pub(crate) fn to_literal(value: &Value, port_type: Option<&PortType>) -> Option<Literal> {
     if let Some(scalar) = scalar_of(&**value) {
         return Some(scalar.into_literal());
     }
     if let Some(literal) = value.downcast_ref::<Literal>() {
         return Some(literal.clone());
     }
+    port_type?.to_literal.as_ref()?(&**value)
+}
+
+/// A value as a literal, where its type has any such form; it may be large.
+pub(crate) fn to_form(value: &Value, port_type: Option<&PortType>, forms: &HashMap<TypeId, Form>) -> Option<Literal> {
     match forms.get(&(**value).type_id()) {
         Some(form) => (form.to)(&**value),
-        None => port_type?.to_literal.as_ref()?(&**value),
+        None => to_literal(value, port_type),
     }
 }
 
-/// The value that [`to_literal`] wrote down, for an entry of the type.
+/// The value that [`to_form`] wrote down, for an entry of the type.
 pub(crate) fn from_literal(
     literal: &Literal,
     port_type: Option<&PortType>,

@@ -221,7 +221,7 @@ impl<C> Registry<C> {
         });
     }
 
-    /// Says how values of a type are written down and read back, so that a saved tree and a journal can hold them.
+    /// Says how values of a type that files cannot give are written down and read back, so that a saved tree can hold them.
     pub fn literal_form<T: Any + Send + Sync>(
         &mut self,
         to: impl Fn(&T) -> Option<Literal> + Send + Sync + 'static,

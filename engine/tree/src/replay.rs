@@ -5,13 +5,12 @@ use crate::blackboard;
 use crate::journal::{JournalLevel, NamedChange, NamedRecord};
 use crate::literal::Literal;
 use crate::problem::BuildError;
-use crate::registry::{Factory, Registry};
+use crate::registry::Registry;
 use crate::spec::TreeSpec;
 use crate::status::{Failure, Outcome, Progress, Status};
 use crate::tree::{NONE, NodeId, Tree};
 use std::collections::{HashMap, VecDeque};
 use std::fmt::Write as _;
-use std::sync::Arc;
 
 /// The first moment at which a tree decides otherwise than it did when it was recorded.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,7 +74,7 @@ struct Step<'a> {
 /// # Errors
 /// The mistakes of `spec`.
 pub fn replay<C>(registry: &Registry<C>, spec: &TreeSpec, records: &[NamedRecord]) -> Result<Replayed, Vec<BuildError>> {
-    let registry = for_playback(registry);
+    let registry = registry.with_leaves(|| Box::new(PlaybackAction), |tick| play(tick, true));
     let mut tree = registry.build(spec)?;
     tree.set_journal_level(JournalLevel::Transitions);
     let steps = steps_of(records);
@@ -185,28 +184,6 @@ fn calls_of(records: &[NamedRecord]) -> HashMap<String, VecDeque<(usize, Did)>> 
         calls.entry(record.path.clone()).or_default().push_back((n_steps.saturating_sub(1), did));
     }
     calls
-}
-
-/// The same node kinds, with leaves that give what is recorded.
-fn for_playback<C>(registry: &Registry<C>) -> Registry<Playback> {
-    let factory = |factory: &Factory<C>| match factory {
-        Factory::BuiltIn(kind, children) => Factory::BuiltIn(*kind, *children),
-        Factory::Action(_) => Factory::Action(Arc::new(|| Box::new(PlaybackAction))),
-        Factory::Condition(_) => Factory::Condition(Arc::new(|tick| match play(tick, true) {
-            Ok(progress) => Ok(progress == Progress::Success),
-            Err(failure) => Err(failure),
-        })),
-        Factory::Step(_) => Factory::Step(Arc::new(|tick| play(tick, true).map(|_progress| ()))),
-    };
-    Registry {
-        models: Arc::clone(&registry.models),
-        factories: registry.factories.iter().map(factory).collect(),
-        defaults: registry.defaults.clone(),
-        fields: registry.fields.clone(),
-        entries: registry.entries.clone(),
-        lists: registry.lists.clone(),
-        forms: Arc::clone(&registry.forms),
-    }
 }
 
 struct PlaybackAction;

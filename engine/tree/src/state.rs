@@ -119,7 +119,7 @@ impl<C> Tree<C> {
                 let port_type = self.slot_types[slot].as_ref();
                 EntryState {
                     key: self.slot_keys[slot].clone(),
-                    value: value.as_ref().and_then(|value| blackboard::to_literal(value, port_type, &self.run.forms)),
+                    value: value.as_ref().and_then(|value| blackboard::to_form(value, port_type, &self.run.forms)),
                     type_name: port_type.map_or("any", |port_type| port_type.name()).to_owned(),
                     sequence: *sequence,
                     stamp_secs: *stamp_secs,

@@ -4,8 +4,8 @@
 mod support;
 
 use sfg_tree::{
-    Action, Conflict, EditError, Failure, Halt, JournalLevel, Literal, NamedRecord, NodeSpec, Outcome, PortSpec, Progress, Queue,
-    Registry, ResumeError, Statistics, Status, Tick, Tree, TreeSpec, TreeState, When, reason, replay,
+    Action, Conflict, EditError, Failure, Halt, JournalLevel, Literal, MockResult, Mocks, NamedRecord, NodeSpec, Outcome,
+    PortSpec, Progress, Queue, Registry, ResumeError, Statistics, Status, Tick, Tree, TreeSpec, TreeState, When, reason, replay,
 };
 use std::time::Duration;
 use support::{Events, parse, registry};
@@ -333,6 +333,37 @@ fn parallel_branches_that_share_an_arm_are_seen_before_anything_moves() {
     };
     assert_eq!(preview.conflicts, [conflict("parallel/sequence/b", "parallel/sequence/c", "hand")]);
     assert!(build("sequence[arm.a=S arm.b=S]").preview().conflicts.is_empty());
+}
+
+#[test]
+fn mocked_leaves_give_preset_results() {
+    let mut registry = Registry::<f64>::new();
+    registry.step("measure", [PortSpec::output::<f64>("width_m")], |_tick| panic!("needs a sensor"));
+    registry.threaded(
+        "grasp",
+        [],
+        |_tick| Ok(|_stop: &sfg_tree::Stop| panic!("needs a hand")),
+        |_tick, ()| Ok(Progress::Success),
+    );
+    let spec = TreeSpec::new(
+        NodeSpec::new("sequence")
+            .child(NodeSpec::new("measure"))
+            .child(NodeSpec::new("script_condition").with("code", "width_m < 0.1"))
+            .child(NodeSpec::new("retry").with("attempts", 3).child(NodeSpec::new("grasp").title("first"))),
+    );
+    let mocked = registry.mocked();
+    let mut tree = mocked.build(&spec).unwrap();
+    let failed = MockResult { status: Status::Failure, reason: "slipped".into(), takes_secs: 1.0, ..MockResult::default() };
+    let measured = MockResult { writes: vec![("width_m".to_owned(), Literal::Float(0.08))], ..MockResult::default() };
+    let results = [("measure", vec![measured]), ("first", vec![failed, MockResult { takes_secs: 0.5, ..MockResult::default() }])];
+    let mut mocks = Mocks::new(&tree, results.map(|(name, results)| (name.to_owned(), results)).into());
+    let mut now_secs = 0.0;
+    while tree.tick(now_secs, &mut mocks) == Status::Running {
+        now_secs += 0.25;
+    }
+    let calls: Vec<String> =
+        mocks.calls().iter().map(|call| format!("{} {} {}", call.now_secs, call.title, call.status)).collect();
+    assert_eq!(calls, ["0 measure success", "1 first failure", "1.5 first success"]);
 }
 
 #[test]

@@ -96,5 +96,9 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         PortSpec::input::<ClosingPlan>("closing_plan").default_key("closing_plan"),
         PortSpec::output::<Closing>("closing").default_key("closing").doc("how the hand closed"),
     ];
-    registry.action("close_hand", ports, CloseHand::default).doc("Closes the hand along the grasp policy.");
+    registry
+        .action("close_hand", ports, CloseHand::default)
+        .doc("Closes the hand along the grasp policy.")
+        .occupies(["hand"])
+        .takes_secs(2.0);
 }

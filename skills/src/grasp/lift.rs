@@ -71,5 +71,5 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         PortSpec::input::<SceneInventory>("inventory").default_key("inventory"),
         PortSpec::setting::<f64>("height_m").default_value(0.15).range(0.01, 0.5).doc("How far up, metres."),
     ];
-    registry.action("lift", ports, Lift::default).doc("Lifts the held object straight up.");
+    registry.action("lift", ports, Lift::default).doc("Lifts the held object straight up.").occupies(["arm"]).takes_secs(3.0);
 }

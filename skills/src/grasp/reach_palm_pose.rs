@@ -63,5 +63,9 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         PortSpec::input::<Selection>("selection").default_key("selection"),
         PortSpec::input::<ClosingPlan>("closing_plan").default_key("closing_plan"),
     ];
-    registry.action("reach_palm_pose", ports, ReachPalmPose::default).doc("Brings the open hand to the selected palm pose.");
+    registry
+        .action("reach_palm_pose", ports, ReachPalmPose::default)
+        .doc("Brings the open hand to the selected palm pose.")
+        .occupies(["arm", "hand"])
+        .takes_secs(5.0);
 }

@@ -107,5 +107,9 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         .default_key("inventory")
         .optional()
         .doc("What to stay clear of; nothing before the first look.")];
-    registry.action("ready", ports, Ready::default).doc("Opens the hand and returns to the ready pose.");
+    registry
+        .action("ready", ports, Ready::default)
+        .doc("Opens the hand and returns to the ready pose.")
+        .occupies(["arm", "hand"])
+        .takes_secs(4.0);
 }

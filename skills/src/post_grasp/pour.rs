@@ -391,6 +391,11 @@ impl Action<SkillContext> for Pour {
     }
 
     fn poll(&mut self, tick: &mut Tick<'_, SkillContext>) -> Outcome {
+        // Read on every tick: a reloaded scenario may have changed it.
+        let pace = tick.get::<f64>("pace")?;
+        if let Some(follower) = &mut self.follower {
+            follower.set_pace(pace);
+        }
         let context = &mut *tick.context;
         match self.step(context) {
             Ok(None) => Ok(Progress::Running),
@@ -411,6 +416,14 @@ pub fn register(registry: &mut Registry<SkillContext>) {
             .optional()
             .range(1.0, 5000.0)
             .doc("Stop when the target has gained this much, millilitres; until nothing more comes when left out."),
+        PortSpec::setting::<f64>("pace")
+            .default_value(1.0)
+            .range(0.1, 1.0)
+            .doc("Share of the usual speed; a reload may change it while it pours."),
     ];
-    registry.action("pour", ports, Pour::default).doc("Pours the held vessel into the target.");
+    registry
+        .action("pour", ports, Pour::default)
+        .doc("Pours the held vessel into the target.")
+        .occupies(["arm", "hand", "cameras"])
+        .takes_secs(25.0);
 }

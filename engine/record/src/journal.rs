@@ -1,0 +1,203 @@
+//! The journal of a tree in `run.mcap`: enough to let the tree decide again.
+
+use crate::{RecordError, Recording};
+use serde_json::{Map, Value, json};
+use sfg_tree::{Failure, Literal, NamedChange, NamedRecord, Status};
+use std::path::Path;
+
+/// Topic of the journal: one message a tick.
+pub(crate) const TOPIC: &str = "/journal";
+
+/// Layout of its messages.
+pub(crate) const SCHEMA: &str = r#"{"type":"object","properties":{"tick":{"type":"integer"},"now_secs":{"type":"number"},"halt":{"type":"boolean"},"changes":{"type":"array","description":"[\"status\", path, from, to], [\"failed\", path, reason, detail] or [\"wrote\", path, key, value]; the path of the application is empty"}}}"#;
+
+impl Recording {
+    /// Records what happened in a tree since the last call.
+    ///
+    /// # Errors
+    /// [`RecordError`] when the file cannot be written.
+    pub fn journal(&mut self, records: &[NamedRecord]) -> Result<(), RecordError> {
+        let mut begin = 0;
+        for end in 1..=records.len() {
+            let is_step = |at: usize| matches!(records[at].change, NamedChange::Ticked | NamedChange::HaltAsked);
+            if end == records.len() || is_step(end) {
+                self.write(TOPIC, records[begin].now_secs, &message(&records[begin..end]))?;
+                begin = end;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn message(records: &[NamedRecord]) -> Value {
+    let change = |record: &NamedRecord| match &record.change {
+        NamedChange::Status { from, to } => Some(json!(["status", record.path, from.name(), to.name()])),
+        NamedChange::Failed(failure) => Some(json!(["failed", record.path, failure.reason, failure.detail])),
+        NamedChange::Write { key, value } => Some(json!(["wrote", record.path, key, value.as_ref().map(json_of)])),
+        NamedChange::Ticked | NamedChange::HaltAsked => None,
+    };
+    let mut message = Map::new();
+    message.insert("tick".to_owned(), json!(records[0].tick_idx));
+    message.insert("now_secs".to_owned(), json!(records[0].now_secs));
+    match records[0].change {
+        NamedChange::Ticked => {}
+        NamedChange::HaltAsked => drop(message.insert("halt".to_owned(), json!(true))),
+        // Written by the application before the first tick.
+        _ => drop(message.insert("before".to_owned(), json!(true))),
+    }
+    let changes: Vec<Value> = records.iter().filter_map(change).collect();
+    if !changes.is_empty() {
+        message.insert("changes".to_owned(), Value::Array(changes));
+    }
+    Value::Object(message)
+}
+
+/// A literal as JSON.
+#[must_use]
+pub fn json_of(literal: &Literal) -> Value {
+    match literal {
+        Literal::Bool(value) => json!(value),
+        Literal::Int(value) => json!(value),
+        Literal::Float(value) => json!(value),
+        Literal::Text(value) => json!(value),
+        Literal::List(items) => Value::Array(items.iter().map(json_of).collect()),
+        Literal::Map(items) => Value::Object(items.iter().map(|(key, value)| (key.clone(), json_of(value))).collect()),
+    }
+}
+
+/// JSON as a literal; nothing for `null`.
+#[must_use]
+pub fn literal_of(json: &Value) -> Option<Literal> {
+    match json {
+        Value::Null => None,
+        Value::Bool(value) => Some(Literal::Bool(*value)),
+        Value::Number(number) => Some(match number.as_i64() {
+            Some(number) => Literal::Int(number),
+            None => Literal::Float(number.as_f64().unwrap_or(f64::MAX)),
+        }),
+        Value::String(text) => Some(Literal::Text(text.clone())),
+        Value::Array(items) => items.iter().map(literal_of).collect::<Option<_>>().map(Literal::List),
+        Value::Object(items) => {
+            let pairs = items.iter().map(|(key, value)| Some((key.clone(), literal_of(value)?)));
+            pairs.collect::<Option<_>>().map(Literal::Map)
+        }
+    }
+}
+
+/// What `run.mcap` tells about a run: the metadata it begins with and the journal of its tree.
+#[derive(Clone, Debug, Default)]
+pub struct RecordedRun {
+    /// Scenario, seed, hashes.
+    pub metadata: std::collections::BTreeMap<String, String>,
+    /// The journal in order.
+    pub journal: Vec<NamedRecord>,
+}
+
+/// Reads a recording, also one that was cut off: what is there is read.
+///
+/// # Errors
+/// [`RecordError::Unreadable`] when the file is missing, is no recording or has no journal.
+pub fn read_run(path: &Path) -> Result<RecordedRun, RecordError> {
+    let unreadable = |message: String| RecordError::Unreadable { path: path.to_owned(), message };
+    let bytes = std::fs::read(path).map_err(|error| unreadable(error.to_string()))?;
+    let mut run = RecordedRun::default();
+    let records = mcap::read::ChunkFlattener::new_with_options(&bytes, mcap::read::Options::IgnoreEndMagic.into())
+        .map_err(|error| unreadable(format!("it is no recording: {error}")))?;
+    let (mut channel, mut n_records) = (None, 0_u64);
+    for record in records {
+        n_records += 1;
+        match record {
+            Ok(mcap::records::Record::Metadata(metadata)) if metadata.name == "run" => run.metadata = metadata.metadata,
+            Ok(mcap::records::Record::Channel(found)) if found.topic == TOPIC => channel = Some(found.id),
+            Ok(mcap::records::Record::Message { header, data }) if Some(header.channel_id) == channel => {
+                let message =
+                    serde_json::from_slice(&data).map_err(|error| unreadable(format!("a message of {TOPIC}: {error}")))?;
+                read_message(&message, &mut run.journal).map_err(|error| unreadable(format!("a message of {TOPIC}: {error}")))?;
+            }
+            Ok(_) => {}
+            Err(error) if n_records == 1 => return Err(unreadable(format!("it is no recording: {error}"))),
+            // A file that was cut off ends here.
+            Err(_) => break,
+        }
+    }
+    if channel.is_none() {
+        return Err(unreadable(format!("it has no {TOPIC}; it was recorded by an older program")));
+    }
+    Ok(run)
+}
+
+fn read_message(message: &Value, journal: &mut Vec<NamedRecord>) -> Result<(), String> {
+    let tick_idx = message["tick"].as_u64().ok_or("\"tick\": expected a whole number")?;
+    let now_secs = message["now_secs"].as_f64().ok_or("\"now_secs\": expected a number")?;
+    let mut push = |path: &str, change| journal.push(NamedRecord { tick_idx, now_secs, path: path.to_owned(), change });
+    if message["halt"] == true {
+        push("", NamedChange::HaltAsked);
+    } else if message["before"] != true {
+        push("", NamedChange::Ticked);
+    }
+    for change in message["changes"].as_array().into_iter().flatten() {
+        let text = |at: usize| change[at].as_str().ok_or_else(|| format!("a change has no text at place {at}"));
+        let path = text(1)?;
+        let change = match text(0)? {
+            "status" => NamedChange::Status { from: status(text(2)?)?, to: status(text(3)?)? },
+            "failed" => NamedChange::Failed(Failure::new(text(2)?.to_owned(), text(3)?)),
+            "wrote" => NamedChange::Write { key: text(2)?.to_owned(), value: literal_of(&change[3]) },
+            other => return Err(format!("{other:?} is no kind of change")),
+        };
+        push(path, change);
+    }
+    Ok(())
+}
+
+fn status(name: &str) -> Result<Status, String> {
+    let all = [Status::Idle, Status::Running, Status::Success, Status::Failure, Status::Skipped];
+    all.into_iter().find(|status| status.name() == name).ok_or_else(|| format!("{name:?} is no status"))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+    use super::*;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn a_journal_comes_back_as_it_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        let record = |tick_idx: u64, path: &str, change| NamedRecord {
+            tick_idx,
+            now_secs: 0.25 * tick_idx as f64,
+            path: path.to_owned(),
+            change,
+        };
+        let journal = vec![
+            record(0, "", NamedChange::Write { key: "n".to_owned(), value: Some(Literal::Int(3)) }),
+            record(1, "", NamedChange::Ticked),
+            record(1, "sequence", NamedChange::Status { from: Status::Idle, to: Status::Running }),
+            record(1, "sequence/a", NamedChange::Failed(Failure::new("slipped", "by 3 mm"))),
+            record(1, "sequence/a", NamedChange::Write { key: "cloud".to_owned(), value: None }),
+            record(2, "", NamedChange::Ticked),
+            record(2, "", NamedChange::HaltAsked),
+            record(2, "sequence", NamedChange::Status { from: Status::Running, to: Status::Idle }),
+        ];
+        let metadata = BTreeMap::from([("seed".to_owned(), "7".to_owned())]);
+        let mut recording = Recording::create(&path, &metadata).unwrap();
+        recording.journal(&journal).unwrap();
+        recording.finish(1.0, &json!({})).unwrap();
+        let run = read_run(&path).unwrap();
+        assert_eq!((run.journal, run.metadata), (journal, metadata));
+        // Cut off in the middle of its end.
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() - 40]).unwrap();
+        assert_eq!(read_run(&path).unwrap().journal.len(), 8);
+    }
+
+    #[test]
+    fn what_is_no_recording_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        assert!(read_run(&path).unwrap_err().to_string().contains("run.mcap"));
+        std::fs::write(&path, "nothing of the kind").unwrap();
+        assert!(read_run(&path).unwrap_err().to_string().contains("no recording"));
+    }
+}
