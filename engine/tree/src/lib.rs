@@ -2,7 +2,7 @@
 //!
 //! A [`Registry`] holds the node kinds. A [`TreeSpec`] says which nodes a tree has and what their ports are given;
 //! [`Registry::build`] checks it as a whole and makes a [`Tree`]. The owner ticks the tree with its own context and time.
-//! The crate knows no robot and no file format.
+//! The crate knows no robot, and no file format but that of BehaviorTree.CPP, which is in `xml` (a default feature).
 //!
 //! ```
 //! use sfg_tree::{NodeSpec, PortSpec, Registry, Status, TreeSpec};
@@ -54,6 +54,8 @@ mod status;
 mod threaded;
 mod tree;
 mod waker;
+#[cfg(feature = "xml")]
+pub mod xml;
 
 pub use action::{Action, Halt, Tick};
 pub use blackboard::Stamp;

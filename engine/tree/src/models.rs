@@ -5,7 +5,6 @@ use crate::port::{Direction, PortSpec};
 use crate::registry::{NodeClass, NodeModel};
 use crate::status::Status;
 use crate::tree::Kind;
-use std::borrow::Cow;
 
 /// How many children a kind takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,7 +63,7 @@ pub(crate) fn built_in() -> Vec<BuiltIn> {
     let row = |kind, name: &'static str, class, children, ports, doc: &'static str| BuiltIn {
         kind,
         children,
-        model: NodeModel::new(Cow::Borrowed(name), class, ports).with_doc(doc),
+        model: NodeModel::new(name, class, ports).with_doc(doc),
     };
     let control = |kind, name, children, ports, doc| row(kind, name, NodeClass::Control, children, ports, doc);
     let decorator = |kind, name, ports, doc| row(kind, name, NodeClass::Decorator, One, ports, doc);

@@ -63,7 +63,9 @@ pub struct NodeModel {
 }
 
 impl NodeModel {
-    pub(crate) fn new(name: Cow<'static, str>, class: NodeClass, ports: Vec<PortSpec>) -> Self {
+    /// A kind of which nothing else is said.
+    pub fn new(name: impl Into<Cow<'static, str>>, class: NodeClass, ports: Vec<PortSpec>) -> Self {
+        let name = name.into();
         let (footprint, doc) = (Footprint::default(), Cow::Borrowed(""));
         Self { name, class, ports, doc, footprint, reasons: None, expected_secs: None }
     }
@@ -278,5 +280,5 @@ impl<C> Registry<C> {
 }
 
 fn leaf(name: impl Into<Cow<'static, str>>, class: NodeClass, ports: impl IntoIterator<Item = PortSpec>) -> NodeModel {
-    NodeModel::new(name.into(), class, ports.into_iter().collect())
+    NodeModel::new(name, class, ports.into_iter().collect())
 }

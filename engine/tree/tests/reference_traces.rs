@@ -18,9 +18,8 @@
 mod support;
 
 use serde_json::Value;
-use sfg_tree::{
-    Action, Failure, Halt, Literal, NodeKind, NodeSpec, Outcome, PortSpec, Progress, Registry, Status, Tick, Tree, TreeSpec, When,
-};
+use sfg_tree::xml::{ImportOptions, import};
+use sfg_tree::{Action, Failure, Halt, Literal, NodeKind, NodeSpec, Outcome, PortSpec, Progress, Registry, Status, Tick, Tree, TreeSpec, When};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use support::Events;
@@ -148,13 +147,8 @@ fn compare(case: &Value, tree: &mut Tree<Events>) -> Result<&'static str, String
         };
         if step.get("error").is_some() {
             tree.halt(&mut events);
-            let running: Vec<&String> =
-                titles.iter().filter(|(id, _)| tree.status(*id) != Status::Idle).map(|(_, title)| title).collect();
-            return if running.is_empty() {
-                Ok("error_becomes_failure")
-            } else {
-                Err(format!("not idle after an error: {running:?}"))
-            };
+            let running: Vec<&String> = titles.iter().filter(|(id, _)| tree.status(*id) != Status::Idle).map(|(_, title)| title).collect();
+            return if running.is_empty() { Ok("error_becomes_failure") } else { Err(format!("not idle after an error: {running:?}")) };
         }
         let expected: Vec<String> = step["events"]
             .as_array()
@@ -269,8 +263,7 @@ fn every_node_that_both_engines_have_gives_the_same_traces() {
                 (None, Ok(mut tree)) => match compare(case, &mut tree) {
                     Ok(compared) => compared,
                     Err(difference) => {
-                        differences
-                            .push(format!("{family} {}: {difference}\n  {} {}", case["id"], case["xml"], case["leaf_scripts"]));
+                        differences.push(format!("{family} {}: {difference}\n  {} {}", case["id"], case["xml"], case["leaf_scripts"]));
                         "different"
                     }
                 },
@@ -281,12 +274,7 @@ fn every_node_that_both_engines_have_gives_the_same_traces() {
         println!("{family}: {counts:?}");
     }
     println!("all: {totals:?}");
-    assert!(
-        differences.is_empty(),
-        "{} differences:\n{}",
-        differences.len(),
-        differences[..differences.len().min(12)].join("\n")
-    );
+    assert!(differences.is_empty(), "{} differences:\n{}", differences.len(), differences[..differences.len().min(12)].join("\n"));
     let n_whole = totals["equal"] + totals["ended_nodes_have_idle_children"];
     assert!(n_whole > 3_200, "only {n_whole} of 3978 cases are compared whole");
 }
@@ -297,8 +285,7 @@ fn no_child_of_a_reactive_node_starts_while_another_runs() {
     let Some(folder) = folder() else { return };
     let mut n_compared = 0;
     for (family, cases) in cases(&folder) {
-        let overlaps =
-            |case: &&Value| labels(case).contains("reactive_overlap") && !case["xml"].as_str().unwrap().contains("Parallel");
+        let overlaps = |case: &&Value| labels(case).contains("reactive_overlap") && !case["xml"].as_str().unwrap().contains("Parallel");
         for case in cases.iter().filter(overlaps) {
             let mut tree = registry(&["arm"]).build(&spec_of(case).unwrap()).unwrap();
             let titles = titles_of(&tree);
@@ -317,11 +304,7 @@ fn no_child_of_a_reactive_node_starts_while_another_runs() {
                     // A call may be the last of an activation: only what was not called in this tick surely still runs.
                     if what == "start" {
                         let overlapping: Vec<&String> = running.iter().filter(|other| *other != name).collect();
-                        assert!(
-                            overlapping.is_empty(),
-                            "{family} {} step {step_idx}: {name} starts while {overlapping:?} run",
-                            case["id"]
-                        );
+                        assert!(overlapping.is_empty(), "{family} {} step {step_idx}: {name} starts while {overlapping:?} run", case["id"]);
                     }
                     running.remove(name);
                 }
@@ -335,128 +318,4 @@ fn no_child_of_a_reactive_node_starts_while_another_runs() {
     }
     println!("{n_compared} cases in which BehaviorTree.CPP starts the new child first");
     assert!(n_compared > 80);
-}
-
-#[derive(Default)]
-struct ImportOptions;
-struct Imported {
-    spec: TreeSpec,
-}
-fn unescape(t: &str) -> String {
-    t.replace("&gt;", ">").replace("&lt;", "<").replace("&amp;", "&").replace("&quot;", "\"").replace("&apos;", "'")
-}
-fn import(xml: &str, _o: &ImportOptions) -> Result<Imported, Vec<String>> {
-    use sfg_tree::{PortValue, SubtreeSpec};
-    let mut spec = TreeSpec { allows_unwritten_keys: true, has_untyped_texts: true, ..TreeSpec::default() };
-    for tree in xml.split("<BehaviorTree ID=\"").skip(1) {
-        let (id, body) = tree.split_once("\">").unwrap();
-        let body = body.split_once("</BehaviorTree>").unwrap().0;
-        let mut open: Vec<NodeSpec> = Vec::new();
-        let mut root = None;
-        for tag in body.split('<').skip(1) {
-            let tag = tag.trim_end().strip_suffix('>').unwrap();
-            let is_end = tag.starts_with('/');
-            if !is_end {
-                let words = tag.trim_end_matches('/');
-                let (kind, mut rest) = words.split_once(' ').unwrap_or((words, ""));
-                let mut attrs = Vec::new();
-                while let Some((key, after)) = rest.trim_start().split_once("=\"") {
-                    let (value, after) = after.split_once('"').unwrap();
-                    attrs.push((key.to_owned(), unescape(value)));
-                    rest = after;
-                }
-                let k = match kind {
-                    "Sequence" => "sequence",
-                    "Fallback" => "fallback",
-                    "Parallel" => "parallel",
-                    "ParallelAll" => "parallel_all",
-                    "Inverter" => "inverter",
-                    "ForceSuccess" => "force_success",
-                    "ForceFailure" => "force_failure",
-                    "RetryUntilSuccessful" => "retry",
-                    "Repeat" => "repeat",
-                    "ReactiveSequence" => "reactive_sequence",
-                    "ReactiveFallback" => "reactive_fallback",
-                    "AsyncSequence" => "async_sequence",
-                    "AsyncFallback" => "async_fallback",
-                    "SequenceWithMemory" => "sequence_with_memory",
-                    "IfThenElse" => "if_then_else",
-                    "WhileDoElse" => "while_do_else",
-                    "TryCatch" => "try_catch",
-                    "RunOnce" => "run_once",
-                    "KeepRunningUntilFailure" => "keep_running_until_failure",
-                    "Switch2" | "Switch3" => "switch",
-                    "Script" => "script",
-                    "Precondition" => "precondition",
-                    o => o,
-                };
-                let mut node = NodeSpec::new(k);
-                if kind == "SubTree" {
-                    let id = &attrs.iter().find(|(a, _)| a == "ID").unwrap().1;
-                    node = NodeSpec::subtree(id.clone());
-                    attrs.retain(|(a, _)| a != "ID");
-                }
-                let mut cases = Vec::new();
-                for (a, v) in attrs {
-                    let when = match a.as_str() {
-                        "_failureIf" => Some(When::FailureIf),
-                        "_successIf" => Some(When::SuccessIf),
-                        "_skipIf" => Some(When::SkipIf),
-                        "_while" => Some(When::While),
-                        "_onSuccess" => Some(When::OnSuccess),
-                        "_onFailure" => Some(When::OnFailure),
-                        "_onHalted" => Some(When::OnHalted),
-                        "_post" => Some(When::Post),
-                        _ => None,
-                    };
-                    if let Some(w) = when {
-                        node = node.when(w, v);
-                        continue;
-                    }
-                    if a == "name" {
-                        node.title = Some(v);
-                        continue;
-                    }
-                    if a == "_autoremap" {
-                        node.is_autoremapped = v == "true";
-                        continue;
-                    }
-                    if a.starts_with("case_") {
-                        cases.push(Literal::Text(v));
-                        continue;
-                    }
-                    let port = match a.as_str() {
-                        "num_attempts" => "attempts",
-                        "num_cycles" => "times",
-                        "success_count" => "success",
-                        "failure_count" => "failure",
-                        o => o,
-                    }
-                    .to_owned();
-                    let v = if port == "else" { v.to_lowercase() } else { v };
-                    node = match PortValue::from_text(&v).map_err(|e| vec![e])? {
-                        PortValue::Key(k) => node.with_key(port, k),
-                        PortValue::Literal(l) => node.with(port, l),
-                    };
-                }
-                if !cases.is_empty() {
-                    node = node.with("cases", Literal::List(cases));
-                }
-                open.push(node);
-            }
-            if is_end || tag.ends_with('/') {
-                let done = open.pop().unwrap();
-                match open.last_mut() {
-                    Some(parent) => parent.children.push(done),
-                    None => root = Some(done),
-                }
-            }
-        }
-        if id == "Main" {
-            spec.root = root.unwrap();
-        } else {
-            spec.subtrees.push(SubtreeSpec { name: id.to_owned(), is_open: true, root: root.unwrap(), ..SubtreeSpec::default() });
-        }
-    }
-    Ok(Imported { spec })
 }
