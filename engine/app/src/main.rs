@@ -4,6 +4,7 @@
 mod assets;
 mod check;
 mod exit;
+mod explain;
 mod pictures;
 mod plugins;
 mod run;
@@ -18,6 +19,7 @@ use crate::check::Checked;
 use crate::say::say;
 use anyhow::{Context as _, Result};
 use clap::{Parser, Subcommand};
+use sfg_scenario::Severity;
 use sfg_types::{Instruction, RunReport, StageRecord};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -62,6 +64,13 @@ enum Command {
     Check {
         /// Scenario file.
         scenario: PathBuf,
+        #[command(flatten)]
+        set: SetOptions,
+    },
+    /// Says what a failure reason means and what to do.
+    Explain {
+        /// The reason, for example no_path.
+        reason: String,
     },
     /// Runs a scenario over many seeds and prints success rates with their intervals.
     Sweep(sweep::SweepOptions),
@@ -83,6 +92,16 @@ struct RunOptions {
     /// Folder for report, recording and pictures; a new one under runs/ when left out.
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    set: SetOptions,
+}
+
+/// Values of a scenario's parameters.
+#[derive(clap::Args, Clone, Default)]
+struct SetOptions {
+    /// Value of a parameter of the scenario; may be given several times.
+    #[arg(long, value_name = "NAME=VALUE")]
+    set: Vec<String>,
 }
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -118,7 +137,7 @@ fn execute(cli: Cli) -> Result<ExitCode> {
         None => {
             let assets = Assets::open(assets)?;
             let scenario = assets.folder.join("01_pour.yaml");
-            run_one(&assets, &scenario, &RunOptions { instruction: None, seed: 1, out: None })
+            run_one(&assets, &scenario, &RunOptions { instruction: None, seed: 1, out: None, set: SetOptions::default() })
         }
         Some(Command::Run { scenario, options }) => run_one(&Assets::open(assets)?, &scenario, &options),
         Some(Command::Say { sentence, scene, options }) => {
@@ -126,9 +145,19 @@ fn execute(cli: Cli) -> Result<ExitCode> {
             let scenario = scene.unwrap_or_else(|| assets.folder.join("01_pour.yaml"));
             run_one(&assets, &scenario, &RunOptions { instruction: Some(sentence), ..options })
         }
-        Some(Command::Check { scenario }) => {
-            let checked = Checked::load(&Assets::open(assets)?, &scenario)?;
-            say!("{}: no mistakes, {} nodes", scenario.display(), checked.n_nodes()?);
+        Some(Command::Check { scenario, set }) => {
+            let checked = Checked::load(&Assets::open(assets)?, &scenario, &set.set)?;
+            let warnings = &checked.scenario.warnings;
+            let n_warnings = warnings.count(Severity::Warning);
+            if n_warnings > 0 {
+                say!("{warnings}");
+            }
+            let warned = if n_warnings > 0 { format!(", {}", check::numbered(n_warnings, "warning")) } else { String::new() };
+            say!("{}: no mistakes{warned}, {} nodes", scenario.display(), checked.n_nodes()?);
+            Ok(ExitCode::SUCCESS)
+        }
+        Some(Command::Explain { reason }) => {
+            writeln!(std::io::stdout(), "{}", explain::entry(&reason)?).context("cannot write the explanation")?;
             Ok(ExitCode::SUCCESS)
         }
         Some(Command::Sweep(options)) => sweep::sweep(&Assets::open(assets)?, &options),
@@ -142,7 +171,7 @@ fn execute(cli: Cli) -> Result<ExitCode> {
 }
 
 fn run_one(assets: &Assets, scenario: &Path, options: &RunOptions) -> Result<ExitCode> {
-    let checked = Checked::load(assets, scenario)?;
+    let checked = Checked::load(assets, scenario, &options.set.set)?;
     let instruction = match (&options.instruction, &checked.scenario.instruction) {
         (Some(text), _) => Instruction::new(text).map_err(|error| check::BadInput(error.to_string()))?,
         (None, Some(instruction)) => instruction.value.clone(),
@@ -187,6 +216,7 @@ fn print_stage(stage: &StageRecord, wall_secs: f64) {
 fn print_verdict(report: &RunReport) {
     if let Some(failure) = &report.failure {
         say!("failed: {} at {}: {}", failure.reason, failure.node, failure.explanation);
+        say!("see {}", explain::link(&failure.reason));
     }
     for predicate in &report.predicates {
         let word = if predicate.passed { "holds" } else { "FAILS" };
