@@ -3,14 +3,14 @@
 use crate::assets::Assets;
 use crate::{plugins, scene, sensed};
 use anyhow::{Context as _, Result};
-use sfg_driver_sim::world::{PREDICATES, Predicate};
+use sfg_driver_sim::world::{ArgKind, PREDICATES};
 use sfg_kinematics::RobotModel;
 use sfg_plugin_host::Contract;
-use sfg_scenario::{Mistake, ObjectShape, Scenario, SceneObject, Vocabulary};
+use sfg_scenario::{Mistake, ObjectShape, Scenario, ScenarioErrors, SceneObject, Settings, Severity, Vocabulary};
 use sfg_skills::SkillContext;
 use sfg_synergy::SynergySpace;
-use sfg_tree::Registry;
-use sfg_types::FailureReason;
+use sfg_tree::{Literal, Registry, nearest};
+use sfg_types::{FailureReason, HandProfile};
 use std::path::Path;
 
 /// Something the user gave is wrong: told apart from a broken environment by its exit code.
@@ -26,22 +26,21 @@ pub(crate) struct Checked {
 }
 
 impl Checked {
-    /// Loads and checks the scenario in the file at `path`.
-    pub(crate) fn load(assets: &Assets, path: &Path) -> Result<Self> {
+    /// Loads and checks the scenario in the file at `path`, with parameters set as in `name=value`.
+    pub(crate) fn load(assets: &Assets, path: &Path, set: &[String]) -> Result<Self> {
         let registry = node_registry();
         let vocabulary = vocabulary(assets);
-        let scenario = Scenario::load(path, &registry, &vocabulary)
-            .map_err(|errors| BadInput(format!("{}\n{errors}", summary(errors.count()))))?;
+        let environment =
+            std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)));
+        let settings = Settings::new(set, environment).map_err(|error| BadInput(error.to_string()))?;
+        let scenario = Scenario::load(path, &settings, &registry, &vocabulary).map_err(|errors| refused(&errors))?;
         let robot = &assets.robots[&scenario.robot.value];
         let model = RobotModel::load(robot).map_err(|error| BadInput(error.to_string()))?;
         let profile = model.hand_profile.as_ref().context("the robot has no hand profile")?;
         SynergySpace::new(profile).map_err(|error| BadInput(format!("{}: {error}", robot.display())))?;
-        let mut mistakes = object_mistakes(&scenario, assets);
-        mistakes.extend(plugins::mistakes(&plugins::PluginSetting { assets, profile, scenario: &scenario, seed: 0 }));
-        mistakes.extend(predicate_mistakes(&scenario));
+        let mistakes = mistakes(&scenario, assets, profile);
         if !mistakes.is_empty() {
-            let errors = scenario.errors(mistakes);
-            return Err(BadInput(format!("{}\n{errors}", summary(errors.count()))).into());
+            return Err(refused(&scenario.errors(mistakes)).into());
         }
         Ok(Self { scenario, registry, model })
     }
@@ -52,8 +51,26 @@ impl Checked {
     }
 }
 
-fn summary(n_mistakes: usize) -> String {
-    if n_mistakes == 1 { "1 mistake".to_owned() } else { format!("{n_mistakes} mistakes") }
+fn refused(errors: &ScenarioErrors) -> BadInput {
+    let (n_errors, n_warnings) = (errors.count(Severity::Error), errors.count(Severity::Warning));
+    let mut summary = numbered(n_errors, "mistake");
+    if n_warnings > 0 {
+        summary = format!("{summary}, {}", numbered(n_warnings, "warning"));
+    }
+    BadInput(format!("{summary}\n{errors}"))
+}
+
+pub(crate) fn numbered(n: usize, word: &str) -> String {
+    if n == 1 { format!("1 {word}") } else { format!("{n} {word}s") }
+}
+
+/// What the application finds wrong with a scenario that is otherwise sound: everything that only plugins, object models and
+/// the judge know.
+fn mistakes(scenario: &Scenario, assets: &Assets, profile: &HandProfile) -> Vec<Mistake> {
+    let mut mistakes = object_mistakes(scenario, assets);
+    mistakes.extend(plugins::mistakes(&plugins::PluginSetting { assets, profile, scenario, seed: 0 }));
+    mistakes.extend(predicate_mistakes(scenario));
+    mistakes
 }
 
 /// Every node a scenario can use.
@@ -106,37 +123,75 @@ fn object_mistakes(scenario: &Scenario, assets: &Assets) -> Vec<Mistake> {
 
 /// Arguments of predicates that do not fit, and objects they name that are not in the scene.
 fn predicate_mistakes(scenario: &Scenario) -> Vec<Mistake> {
+    let objects: Vec<&str> = scenario.scene.objects.iter().map(|object| object.name.value.as_str()).collect();
     let mut mistakes = Vec::new();
-    let names: Vec<&str> = scenario.scene.objects.iter().map(|object| object.name.value.as_str()).collect();
     for predicate in &scenario.success.truth {
-        let json = serde_json::json!({ predicate.name.clone(): predicate.args_json() });
-        if let Err(error) = serde_json::from_value::<Predicate>(json) {
-            mistakes.push(Mistake::new(predicate.place, format!("predicate {:?}: {error}", predicate.name)));
-        }
-        for key in ["object", "container"] {
-            if let Some(arg) = predicate.arg(key)
-                && let sfg_tree::Literal::Text(name) = &arg.value
-                && !names.contains(&name.as_str())
-            {
-                let message = format!("{key} {name:?} is not in the scene");
-                mistakes.push(Mistake::new(arg.place, message).help(format!("the scene has {}", names.join(", "))));
-            }
-        }
+        let known = PREDICATES.iter().find(|spec| spec.name == predicate.name).map_or(&[][..], |spec| spec.args);
+        let args: Vec<_> = known.iter().map(|arg| (arg.name, Some(arg.kind), arg.required)).collect();
+        check_args(predicate, &args, &objects, &mut mistakes);
     }
     for predicate in &scenario.success.sensed {
         let known = sensed::PREDICATES.iter().find(|(name, _)| *name == predicate.name).map_or(&[][..], |(_, args)| *args);
-        for (name, value) in &predicate.args {
-            if !known.contains(&name.as_str()) {
-                let message = format!("predicate {:?} has no argument {name:?}", predicate.name);
-                mistakes.push(Mistake::new(value.place, message).help(format!("it takes {}", known.join(", "))));
-            }
-        }
-        for name in known {
-            if predicate.arg(name).is_none() {
-                let message = format!("predicate {:?} needs argument {name:?}", predicate.name);
-                mistakes.push(Mistake::new(predicate.place, message));
-            }
-        }
+        let args: Vec<_> = known.iter().map(|name| (*name, None, true)).collect();
+        check_args(predicate, &args, &objects, &mut mistakes);
     }
     mistakes
 }
+
+/// `known` are names, what they take (nothing: any number) and whether they must be given.
+fn check_args(
+    predicate: &sfg_scenario::Predicate,
+    known: &[(&str, Option<ArgKind>, bool)],
+    objects: &[&str],
+    mistakes: &mut Vec<Mistake>,
+) {
+    let what = format!("predicate {:?}", predicate.name);
+    for (name, value) in &predicate.args {
+        let Some((_, kind, _)) = known.iter().find(|(known, _, _)| *known == name.value) else {
+            let help = match nearest(&name.value, known.iter().map(|(known, _, _)| *known)) {
+                Some(near) => format!("did you mean {near:?}?"),
+                None if known.is_empty() => "it takes none".to_owned(),
+                None => format!("it takes {}", known.iter().map(|(known, _, _)| *known).collect::<Vec<_>>().join(", ")),
+            };
+            mistakes.push(Mistake::new(name.place, format!("{what} has no argument {:?}", name.value)).help(help));
+            continue;
+        };
+        let number = match value.value {
+            Literal::Int(number) => Some(number as f64),
+            Literal::Float(number) => Some(number),
+            _ => None,
+        };
+        let (fits, expected) = match (kind, number, &value.value) {
+            (Some(ArgKind::ObjectName), _, Literal::Text(object)) => {
+                if !objects.contains(&object.as_str()) {
+                    let help = match nearest(object, objects.iter().copied()) {
+                        Some(near) => format!("did you mean {near:?}? the scene has {}", objects.join(", ")),
+                        None => format!("the scene has {}", objects.join(", ")),
+                    };
+                    let message = format!("{} {object:?} is not in the scene", name.value);
+                    mistakes.push(Mistake::new(value.place, message).help(help));
+                }
+                continue;
+            }
+            (Some(ArgKind::ObjectName), _, _) => (false, "the name of an object"),
+            (Some(ArgKind::Share), number, _) => {
+                (number.is_some_and(|share| (0.0..=1.0).contains(&share)), "a number from 0 to 1")
+            }
+            (Some(_), number, _) => (number.is_some_and(|number| number >= 0.0), "a number that is not negative"),
+            (None, number, _) => (number.is_some(), "a number"),
+        };
+        if !fits {
+            let message = format!("{what}: {} must be {expected}, found {}", name.value, value.value);
+            mistakes.push(Mistake::new(value.place, message));
+        }
+    }
+    for (name, _, required) in known {
+        if *required && predicate.arg(name).is_none() {
+            mistakes.push(Mistake::new(predicate.place, format!("{what} needs argument {name:?}")));
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "mutants.rs"]
+mod mutants;

@@ -4,20 +4,25 @@
 mod assets;
 mod check;
 mod exit;
+mod explain;
 mod pictures;
 mod plugins;
+mod preview;
+mod replay;
 mod run;
 mod say;
 mod scene;
 mod sensed;
 mod statistics;
 mod sweep;
+mod watch;
 
 use crate::assets::Assets;
 use crate::check::Checked;
 use crate::say::say;
 use anyhow::{Context as _, Result};
 use clap::{Parser, Subcommand};
+use sfg_scenario::Severity;
 use sfg_types::{Instruction, RunReport, StageRecord};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -47,6 +52,9 @@ enum Command {
         scenario: PathBuf,
         #[command(flatten)]
         options: RunOptions,
+        /// Lists what each skill of the tree occupies and how long it takes; nothing moves.
+        #[arg(long)]
+        preview: bool,
     },
     /// Runs a sentence in a scene: the scene's scenario with another instruction.
     Say {
@@ -62,6 +70,15 @@ enum Command {
     Check {
         /// Scenario file.
         scenario: PathBuf,
+        #[command(flatten)]
+        set: SetOptions,
+    },
+    /// Shows a past run and runs its tree again with the recorded results of its leaves.
+    Replay(replay::ReplayOptions),
+    /// Says what a failure reason means and what to do.
+    Explain {
+        /// The reason, for example no_path.
+        reason: String,
     },
     /// Runs a scenario over many seeds and prints success rates with their intervals.
     Sweep(sweep::SweepOptions),
@@ -72,7 +89,7 @@ enum Command {
     Schema,
 }
 
-#[derive(clap::Args, Clone)]
+#[derive(clap::Args, Clone, Default)]
 struct RunOptions {
     /// What to do instead of the scenario's own instruction.
     #[arg(long, value_name = "SENTENCE")]
@@ -83,6 +100,19 @@ struct RunOptions {
     /// Folder for report, recording and pictures; a new one under runs/ when left out.
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
+    /// Goes on with the changed tree when the scenario's file changes while it runs.
+    #[arg(long)]
+    watch: bool,
+    #[command(flatten)]
+    set: SetOptions,
+}
+
+/// Values of a scenario's parameters.
+#[derive(clap::Args, Clone, Default)]
+struct SetOptions {
+    /// Value of a parameter of the scenario; may be given several times.
+    #[arg(long, value_name = "NAME=VALUE")]
+    set: Vec<String>,
 }
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -118,17 +148,31 @@ fn execute(cli: Cli) -> Result<ExitCode> {
         None => {
             let assets = Assets::open(assets)?;
             let scenario = assets.folder.join("01_pour.yaml");
-            run_one(&assets, &scenario, &RunOptions { instruction: None, seed: 1, out: None })
+            run_one(&assets, &scenario, &RunOptions { seed: 1, ..RunOptions::default() })
         }
-        Some(Command::Run { scenario, options }) => run_one(&Assets::open(assets)?, &scenario, &options),
+        Some(Command::Run { scenario, options, preview: true }) => {
+            preview::show(&Checked::load(&Assets::open(assets)?, &scenario, &options.set.set)?)
+        }
+        Some(Command::Run { scenario, options, preview: false }) => run_one(&Assets::open(assets)?, &scenario, &options),
+        Some(Command::Replay(options)) => replay::show(&Assets::open(assets)?, &options),
         Some(Command::Say { sentence, scene, options }) => {
             let assets = Assets::open(assets)?;
             let scenario = scene.unwrap_or_else(|| assets.folder.join("01_pour.yaml"));
             run_one(&assets, &scenario, &RunOptions { instruction: Some(sentence), ..options })
         }
-        Some(Command::Check { scenario }) => {
-            let checked = Checked::load(&Assets::open(assets)?, &scenario)?;
-            say!("{}: no mistakes, {} nodes", scenario.display(), checked.n_nodes()?);
+        Some(Command::Check { scenario, set }) => {
+            let checked = Checked::load(&Assets::open(assets)?, &scenario, &set.set)?;
+            let warnings = &checked.scenario.warnings;
+            let n_warnings = warnings.count(Severity::Warning);
+            if n_warnings > 0 {
+                say!("{warnings}");
+            }
+            let warned = if n_warnings > 0 { format!(", {}", check::numbered(n_warnings, "warning")) } else { String::new() };
+            say!("{}: no mistakes{warned}, {} nodes", scenario.display(), checked.n_nodes()?);
+            Ok(ExitCode::SUCCESS)
+        }
+        Some(Command::Explain { reason }) => {
+            writeln!(std::io::stdout(), "{}", explain::entry(&reason)?).context("cannot write the explanation")?;
             Ok(ExitCode::SUCCESS)
         }
         Some(Command::Sweep(options)) => sweep::sweep(&Assets::open(assets)?, &options),
@@ -142,7 +186,7 @@ fn execute(cli: Cli) -> Result<ExitCode> {
 }
 
 fn run_one(assets: &Assets, scenario: &Path, options: &RunOptions) -> Result<ExitCode> {
-    let checked = Checked::load(assets, scenario)?;
+    let checked = Checked::load(assets, scenario, &options.set.set)?;
     let instruction = match (&options.instruction, &checked.scenario.instruction) {
         (Some(text), _) => Instruction::new(text).map_err(|error| check::BadInput(error.to_string()))?,
         (None, Some(instruction)) => instruction.value.clone(),
@@ -156,6 +200,7 @@ fn run_one(assets: &Assets, scenario: &Path, options: &RunOptions) -> Result<Exi
         None => default_folder(scenario, options.seed)?,
     };
     say!("“{}” · {} · seed {}", instruction.as_str(), scenario.display(), options.seed);
+    let watched = options.watch.then(|| watch::Watch::new(assets, scenario, &options.set.set));
     let report = run::run(&run::RunRequest {
         scenario: &checked.scenario,
         registry: &checked.registry,
@@ -166,7 +211,7 @@ fn run_one(assets: &Assets, scenario: &Path, options: &RunOptions) -> Result<Exi
         folder: Some(folder.clone()),
         interrupted: &INTERRUPTED,
         simulator: run::Simulator::default(),
-        watch: &|| None,
+        watch: &|| watched.as_ref().and_then(watch::Watch::changed),
         on_stage: &print_stage,
     })?;
     print_verdict(&report);
@@ -188,6 +233,7 @@ fn print_stage(stage: &StageRecord, wall_secs: f64) {
 fn print_verdict(report: &RunReport) {
     if let Some(failure) = &report.failure {
         say!("failed: {} at {}: {}", failure.reason, failure.node, failure.explanation);
+        say!("see {}", explain::link(&failure.reason));
     }
     for predicate in &report.predicates {
         let word = if predicate.passed { "holds" } else { "FAILS" };

@@ -53,7 +53,16 @@ pub(crate) fn mistakes(setting: &PluginSetting<'_>) -> Vec<Mistake> {
         if let Some(choice) = choice
             && let Err(error) = make(&choice.name, &setting.context(&choice.params))
         {
-            mistakes.push(Mistake::new(choice.place, error.to_string()));
+            let complaint =
+                |params: &serde_json::Value| make(&choice.name, &setting.context(params)).err().map(|error| error.to_string());
+            let culprit = culprit(choice.param_places.keys().map(String::as_str), &choice.params, &complaint);
+            let message = error.to_string();
+            let place = match culprit.and_then(|name| choice.param_places.get(name)) {
+                Some((name, _)) if is_about_name(&message) => *name,
+                Some((_, value)) => *value,
+                None => choice.place,
+            };
+            mistakes.push(Mistake::new(place, message));
         }
     };
     check(&chosen.llm, &|name, context| registry.make_llm(name, context).map(drop));
@@ -61,6 +70,27 @@ pub(crate) fn mistakes(setting: &PluginSetting<'_>) -> Vec<Mistake> {
     check(&chosen.pose_generator, &|name, context| registry.make_pose_generator(name, context).map(drop));
     check(&chosen.grasp_policy, &|name, context| registry.make_grasp_policy(name, context).map(drop));
     mistakes
+}
+
+/// The name of a parameter whose absence changes what is said against all of them: that one is at fault.
+///
+/// Plugins check their parameters themselves and say what is wrong in words, not where.
+fn culprit<'a>(
+    names: impl IntoIterator<Item = &'a str>,
+    args: &serde_json::Value,
+    complaint: &dyn Fn(&serde_json::Value) -> Option<String>,
+) -> Option<&'a str> {
+    let all = complaint(args)?;
+    names.into_iter().find(|name| {
+        let mut others = args.clone();
+        others.as_object_mut().is_some_and(|others| others.shift_remove(*name).is_some())
+            && complaint(&others).as_ref() != Some(&all)
+    })
+}
+
+/// Whether the complaint is about a name, not about its value.
+fn is_about_name(complaint: &str) -> bool {
+    complaint.contains("unknown")
 }
 
 /// The plugins that a scenario names, the defaults where it names none.

@@ -12,7 +12,7 @@ pub(crate) fn show(checked: &Checked) -> Result<ExitCode> {
     let scenario = &checked.scenario;
     let preview = scenario.build_tree(&checked.registry)?.preview();
     let side = format!("{:?}", scenario.arm).to_lowercase();
-    say!("the tree of {}, {side} arm; nothing moves", scenario.source.path.display());
+    say!("the tree of {}, {side} arm; nothing moves", scenario.path().display());
     match &scenario.limits.workspace {
         Some(space) => say!(
             "the palm stays within x {}..{} m, y {}..{} m, z {}..{} m",

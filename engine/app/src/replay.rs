@@ -18,6 +18,9 @@ pub(crate) struct ReplayOptions {
     /// Scenario whose tree decides again; the run's own when left out.
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
+    /// Values of the scenario's parameters, as in the run.
+    #[arg(long, value_name = "NAME=VALUE")]
+    set: Vec<String>,
     /// Shows every status change instead of those of leaves that ended.
     #[arg(long)]
     all: bool,
@@ -36,8 +39,8 @@ pub(crate) fn show(assets: &Assets, options: &ReplayOptions) -> Result<ExitCode>
             BadInput(format!("the scenario {} of the run is not here any more; give one with --scenario", value("scenario")))
         })?,
     };
-    let checked = Checked::load(assets, &scenario)?;
-    let is_same = sfg_skills::context::hash_bytes(checked.scenario.source.text.as_bytes()) == value("scenario_sha256");
+    let checked = Checked::load(assets, &scenario, &options.set)?;
+    let is_same = sfg_skills::context::hash_bytes(checked.scenario.full_text().as_bytes()) == value("scenario_sha256");
     if !is_same {
         say!("{} is not the file that was run: this is how its tree would have decided", scenario.display());
     }

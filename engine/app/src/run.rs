@@ -146,10 +146,10 @@ impl Session<'_> {
         let Some(folder) = &self.request.folder else { return Ok(()) };
         std::fs::create_dir_all(folder)
             .with_context(|| format!("cannot make the run folder {}; choose another with --out", folder.display()))?;
-        let scenario = &self.request.scenario.source;
+        let scenario = self.request.scenario;
         let metadata = BTreeMap::from([
-            ("scenario".to_owned(), scenario.path.display().to_string()),
-            ("scenario_sha256".to_owned(), sfg_skills::context::hash_bytes(scenario.text.as_bytes())),
+            ("scenario".to_owned(), scenario.path().display().to_string()),
+            ("scenario_sha256".to_owned(), sfg_skills::context::hash_bytes(scenario.full_text().as_bytes())),
             ("seed".to_owned(), self.request.seed.to_string()),
             ("engine_version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             ("instruction".to_owned(), self.request.instruction.as_str().to_owned()),
@@ -263,7 +263,7 @@ impl Session<'_> {
                 let list = |sign: &str, paths: &[String]| paths.iter().map(|path| format!(" {sign}{path}")).collect::<String>();
                 say!("reloaded:{}{}", list("+", &reloaded.added), list("-", &reloaded.removed));
             }
-            Err(EditError::Build(_)) => say!("not reloaded: {}", scenario.source.path.display()),
+            Err(EditError::Build(_)) => say!("not reloaded: {} no longer fits", scenario.path().display()),
             Err(error) => say!("not reloaded: {error}"),
         }
     }
@@ -391,8 +391,8 @@ impl Session<'_> {
         };
         let report = RunReport {
             schema_version: REPORT_SCHEMA_VERSION,
-            scenario: scenario.source.path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-            scenario_sha256: sfg_skills::context::hash_bytes(scenario.source.text.as_bytes()),
+            scenario: scenario.path().file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+            scenario_sha256: sfg_skills::context::hash_bytes(scenario.full_text().as_bytes()),
             engine_version: env!("CARGO_PKG_VERSION").to_owned(),
             seed: self.request.seed,
             instruction: self.request.instruction.as_str().to_owned(),

@@ -7,7 +7,6 @@ use rand_chacha::ChaCha8Rng;
 use sfg_driver_sim::world::{ObjectSpec, SceneSpec, TableSpec, WorldSettings};
 use sfg_geometry::{Hollow, ObjectInstance, ObjectParams, ScannedObject};
 use sfg_scenario::{ObjectShape, Range, Scenario, SceneObject};
-use std::path::Path;
 
 /// The table begins this far ahead of the base, clear of the robot.
 const TABLE_X_M: [f64; 2] = [0.52, 1.22];
@@ -71,7 +70,7 @@ pub(crate) fn draw_scene(scenario: &Scenario, assets: &Assets, seed: u64) -> Res
 
 const UNIT: Range = Range { min: 0.0, max: 1.0 };
 
-/// One instance of `object`; the files of a scan are found beside the scenario.
+/// One instance of `object`; the files of a scan are found beside the file that names them.
 pub(crate) fn instance_of(
     object: &SceneObject,
     scenario: &Scenario,
@@ -90,12 +89,11 @@ pub(crate) fn instance_of(
             Ok(model.instantiate(&params)?)
         }
         ObjectShape::Scanned { mesh, hulls, mass_kg, hollow } => {
-            let folder = scenario.source.path.parent().unwrap_or(Path::new(""));
             let scan = ScannedObject {
                 category: object.name.value.clone(),
                 words: vec![object.name.value.clone()],
-                mesh: folder.join(&mesh.value),
-                hulls: folder.join(&hulls.value),
+                mesh: scenario.resolve(mesh),
+                hulls: scenario.resolve(hulls),
                 mass_kg: *mass_kg,
                 hollow: hollow.map(|hollow| Hollow { mouth_m: hollow.mouth_m, wall_m: hollow.wall_m }),
                 colour: [170, 150, 60],

@@ -12,7 +12,7 @@ fn run_with(text: &str, simulator: Simulator<'_>) -> RunReport {
     let path = folder.path().join("scenario.yaml");
     std::fs::write(&path, text).unwrap();
     let assets = Assets::open(Some(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios"))).unwrap();
-    let checked = Checked::load(&assets, &path).unwrap();
+    let checked = Checked::load(&assets, &path, &[]).unwrap();
     let never = AtomicBool::new(false);
     run(&RunRequest {
         scenario: &checked.scenario,

@@ -40,6 +40,8 @@ pub(crate) struct SweepOptions {
     /// Folder of the parts; an interrupted sweep goes on where it stopped.
     #[arg(long, value_name = "FOLDER", default_value = "runs/sweep")]
     work: PathBuf,
+    #[command(flatten)]
+    set: crate::SetOptions,
     /// Worlds at a time.
     #[arg(long, default_value_t = 2)]
     jobs: usize,
@@ -92,6 +94,9 @@ struct Job {
     schema_version: u32,
     kind: String,
     scenario: PathBuf,
+    /// Parameters of the scenario, as `name=value`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    set: Vec<String>,
     scenario_sha256: String,
     engine_version: String,
     engine_sha256: String,
@@ -122,8 +127,8 @@ struct Part {
 }
 
 impl Job {
-    fn plan(options: &SweepOptions, seeds_per_shard: usize) -> Result<Self> {
-        let text = std::fs::read(&options.scenario).with_context(|| format!("cannot read {}", options.scenario.display()))?;
+    fn plan(options: &SweepOptions, assets: &Assets, seeds_per_shard: usize) -> Result<Self> {
+        let text = Checked::load(assets, &options.scenario, &options.set.set)?.scenario.full_text();
         let commit = git_commit();
         let seeds = match (&options.seeds, options.seeds_from_commit) {
             (Some(range), None) => parse_range(range)?,
@@ -141,7 +146,8 @@ impl Job {
             schema_version: JOB_SCHEMA_VERSION,
             kind: "sweep".to_owned(),
             scenario: options.scenario.clone(),
-            scenario_sha256: sfg_skills::context::hash_bytes(&text),
+            set: options.set.set.clone(),
+            scenario_sha256: sfg_skills::context::hash_bytes(text.as_bytes()),
             engine_version: env!("CARGO_PKG_VERSION").to_owned(),
             engine_sha256: sfg_skills::context::hash_bytes(&program),
             commit,
@@ -276,8 +282,8 @@ fn run_shard(job: &Job, shard: usize, out: &Path, assets: &Assets, progress: &dy
         job.seeds_of(shard).iter().for_each(|_| progress());
         return Ok(part);
     }
-    let checked = Checked::load(assets, &job.scenario)?;
-    if sfg_skills::context::hash_bytes(checked.scenario.source.text.as_bytes()) != job.scenario_sha256 {
+    let checked = Checked::load(assets, &job.scenario, &job.set)?;
+    if sfg_skills::context::hash_bytes(checked.scenario.full_text().as_bytes()) != job.scenario_sha256 {
         let message = format!("{} is not what the job was planned with; plan again", job.scenario.display());
         return Err(BadInput(message).into());
     }
@@ -379,7 +385,7 @@ fn print_merged(result: &serde_json::Value) {
 
 /// Plans, runs what is missing and merges.
 pub(crate) fn sweep(assets: &Assets, options: &SweepOptions) -> Result<ExitCode> {
-    let job = Job::plan(options, 1)?;
+    let job = Job::plan(options, assets, 1)?;
     let out = options.work.join(&job.id[..16]);
     write_whole(&out.join("job.json"), &serde_json::to_vec_pretty(&job)?)?;
     let bar = ProgressBar::new(job.seeds.len() as u64).with_style(
@@ -412,7 +418,7 @@ fn finish(job: &Job, parts: Vec<Part>, json: Option<&Path>) -> Result<ExitCode> 
 pub(crate) fn shard(assets: &Assets, command: &ShardCommand) -> Result<ExitCode> {
     match command {
         ShardCommand::Plan { options, per_shard } => {
-            let job = Job::plan(options, *per_shard)?;
+            let job = Job::plan(options, assets, *per_shard)?;
             let path = options.work.join("job.json");
             write_whole(&path, &serde_json::to_vec_pretty(&job)?)?;
             say!("{}: {} seeds in {} shards", path.display(), job.seeds.len(), job.n_shards());

@@ -1,5 +1,6 @@
 //! A YAML file as a tree of values with places, so that all mistakes can be found in one reading.
 
+use crate::layout;
 use crate::mistake::{Mistake, Place};
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde_saphyr::Spanned;
@@ -23,6 +24,8 @@ pub(crate) struct Node {
 #[derive(Clone, Debug)]
 pub(crate) enum Value {
     Null,
+    /// Nobody knows, and that was reported already.
+    Unknown,
     Bool(bool),
     Int(i64),
     Float(f64),
@@ -42,7 +45,7 @@ impl Node {
     /// What was found, for "expected ..., found ...".
     pub(crate) fn found(&self) -> String {
         match &self.value {
-            Value::Null => "nothing".to_owned(),
+            Value::Null | Value::Unknown => "nothing".to_owned(),
             Value::Bool(value) => value.to_string(),
             Value::Int(value) => value.to_string(),
             Value::Float(value) => value.to_string(),
@@ -53,10 +56,42 @@ impl Node {
         }
     }
 
+    /// Another value at the same place.
+    pub(crate) fn with(&self, value: Value) -> Self {
+        Self { value, place: self.place }
+    }
+
+    /// The value of a key of a map.
+    pub(crate) fn get(&self, key: &str) -> Option<&Self> {
+        let Value::Map(entries) = &self.value else { return None };
+        entries.iter().find(|(name, _)| name.text == key).map(|(_, node)| node)
+    }
+
+    /// How many values it holds, itself included.
+    pub(crate) fn n_values(&self) -> usize {
+        match &self.value {
+            Value::List(items) => 1 + items.iter().map(Self::n_values).sum::<usize>(),
+            Value::Map(entries) => 1 + entries.iter().map(|(_, node)| node.n_values()).sum::<usize>(),
+            _ => 1,
+        }
+    }
+
+    fn set_file(&mut self, file: u32) {
+        self.place.file = file;
+        match &mut self.value {
+            Value::List(items) => items.iter_mut().for_each(|item| item.set_file(file)),
+            Value::Map(entries) => entries.iter_mut().for_each(|(key, node)| {
+                key.place.file = file;
+                node.set_file(file);
+            }),
+            _ => {}
+        }
+    }
+
     /// The value as a literal; nothing counts as an empty text.
     pub(crate) fn literal(&self) -> Literal {
         match &self.value {
-            Value::Null => Literal::Text(String::new()),
+            Value::Null | Value::Unknown => Literal::Text(String::new()),
             Value::Bool(value) => Literal::Bool(*value),
             Value::Int(value) => Literal::Int(*value),
             Value::Float(value) => Literal::Float(*value),
@@ -67,8 +102,24 @@ impl Node {
     }
 }
 
-/// The document in `text`.
-pub(crate) fn parse(text: &str) -> Result<Node, Mistake> {
+/// The document in `text`, which is that of the file with this number.
+pub(crate) fn parse(text: &str, file: u32) -> Result<Node, Mistake> {
+    let mut document = parse_as_written(text).map_err(|error| {
+        let mut mistake = layout::slip(text, &error).unwrap_or_else(|| {
+            let place = error.location().map_or(Place::START, place_of);
+            let (message, help) = explain(&error);
+            Mistake { help, ..Mistake::new(place, message) }
+        });
+        mistake.place.file = file;
+        mistake
+    })?;
+    if file != 0 {
+        document.set_file(file);
+    }
+    Ok(document)
+}
+
+pub(crate) fn parse_as_written(text: &str) -> Result<Node, serde_saphyr::Error> {
     let options = serde_saphyr::options! {
         budget: serde_saphyr::budget! {
             max_depth: MAX_DEPTH,
@@ -85,11 +136,7 @@ pub(crate) fn parse(text: &str) -> Result<Node, Mistake> {
         strict_booleans: true,
         with_snippet: false,
     };
-    serde_saphyr::from_str_with_options::<Node>(text, options).map_err(|error| {
-        let place = error.location().map_or(Place::START, place_of);
-        let (message, help) = explain(&error);
-        Mistake { place, message, help }
-    })
+    serde_saphyr::from_str_with_options::<Node>(text, options)
 }
 
 const DEPTH_HELP: &str = "give a part of the tree a name under `subtrees` and use it with `subtree: name`";
@@ -124,7 +171,7 @@ fn explain(error: &serde_saphyr::Error) -> (String, Option<String>) {
 
 fn place_of(location: serde_saphyr::Location) -> Place {
     let number = |value: u64| u32::try_from(value).unwrap_or(u32::MAX).max(1);
-    Place { line: number(location.line()), column: number(location.column()), n_chars: 1 }
+    Place { file: 0, line: number(location.line()), column: number(location.column()), n_chars: 1 }
 }
 
 impl<'de> Deserialize<'de> for Node {
@@ -136,7 +183,7 @@ impl<'de> Deserialize<'de> for Node {
             Value::Int(value) => value.to_string().len(),
             Value::Float(value) => value.to_string().len(),
             Value::Text(text) => text.chars().count(),
-            Value::Null | Value::List(_) | Value::Map(_) => 1,
+            Value::Null | Value::Unknown | Value::List(_) | Value::Map(_) => 1,
         };
         place.n_chars = u32::try_from(n_chars).unwrap_or(u32::MAX).max(1);
         Ok(Self { value: spanned.value, place })
@@ -203,8 +250,12 @@ impl<'de> Visitor<'de> for AnyValue {
     }
     fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Value, A::Error> {
         let mut map = Vec::new();
-        while let Some(entry) = entries.next_entry()? {
-            map.push(entry);
+        while let Some((key, mut node)) = entries.next_entry::<Key, Node>()? {
+            // Nothing stands nowhere; what is missing is seen at the key.
+            if matches!(node.value, Value::Null) {
+                node.place = key.place;
+            }
+            map.push((key, node));
         }
         Ok(Value::Map(map))
     }

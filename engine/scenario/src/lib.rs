@@ -1,13 +1,18 @@
 //! YAML scenarios: parsed with positions, checked as a whole, built into a tree.
 //!
-//! [`Scenario::load`] reads a file and reports every mistake at once, each with file, line, column, the line itself and what to
-//! write instead. The names it accepts come from a [`Vocabulary`] and from the node registry, so that this crate knows no node,
+//! [`Scenario::load`] reads a file with all that it includes, puts in the values of its parameters and reports every mistake at
+//! once, each with file, line, column, the line itself and what to write instead. The names it accepts come from a [`Vocabulary`] and from the node registry, so that this crate knows no node,
 //! no plugin and no object model.
 
+mod angle;
 mod document;
+mod files;
+mod layout;
 mod mistake;
+mod parameters;
 mod plugins;
 mod reader;
+mod review;
 mod scenario;
 mod scene;
 mod schema;
@@ -16,7 +21,9 @@ mod tree;
 mod vocabulary;
 
 pub use document::{MAX_ALIAS_EXPANSION, MAX_DEPTH, MAX_FILE_BYTES};
-pub use mistake::{At, Mistake, Place, ScenarioErrors, Source};
+pub use files::{MAX_FILES, MAX_INCLUDE_DEPTH};
+pub use mistake::{At, Findings, Mistake, Place, ScenarioErrors, Severity, Source};
+pub use parameters::{SettingError, Settings};
 pub use plugins::{PluginChoice, Plugins};
 pub use scenario::{Limits, Scenario, Workspace};
 pub use scene::{Distractors, Hollow, ObjectShape, Placement, Range, Scene, SceneObject};

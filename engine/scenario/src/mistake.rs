@@ -7,6 +7,8 @@ use std::sync::Arc;
 /// Where something was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Place {
+    /// Which file: 0 is the scenario's own, the others are included.
+    pub file: u32,
     /// From 1.
     pub line: u32,
     /// From 1, in characters.
@@ -16,8 +18,8 @@ pub struct Place {
 }
 
 impl Place {
-    /// The first character of a file.
-    pub const START: Self = Self { line: 1, column: 1, n_chars: 1 };
+    /// The first character of the scenario's own file.
+    pub const START: Self = Self { file: 0, line: 1, column: 1, n_chars: 1 };
 }
 
 /// A value and where it was written.
@@ -45,9 +47,20 @@ pub struct Source {
     pub text: String,
 }
 
+/// How bad a [`Mistake`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Severity {
+    /// The scenario cannot be used.
+    Error,
+    /// The scenario can be used, but probably does not say what was meant.
+    Warning,
+}
+
 /// One thing that the user has to mend.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mistake {
+    /// How bad it is.
+    pub severity: Severity,
     /// Where.
     pub place: Place,
     /// What is wrong: lower-case, no full stop.
@@ -57,9 +70,14 @@ pub struct Mistake {
 }
 
 impl Mistake {
-    /// A mistake at `place`.
+    /// An error at `place`.
     pub fn new(place: Place, message: impl Into<String>) -> Self {
-        Self { place, message: message.into(), help: None }
+        Self { severity: Severity::Error, place, message: message.into(), help: None }
+    }
+
+    /// A warning at `place`.
+    pub fn warning(place: Place, message: impl Into<String>) -> Self {
+        Self { severity: Severity::Warning, ..Self::new(place, message) }
     }
 
     /// Adds what to write instead.
@@ -67,6 +85,37 @@ impl Mistake {
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
+    }
+}
+
+/// What is wrong with some files. Displays every mistake with its line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Findings {
+    sources: Arc<[Source]>,
+    mistakes: Vec<Mistake>,
+}
+
+impl Findings {
+    pub(crate) fn new(sources: Arc<[Source]>, mut mistakes: Vec<Mistake>) -> Self {
+        mistakes.sort_by_key(|mistake| (mistake.place, mistake.severity));
+        mistakes.dedup();
+        // An error says more than a warning about the same words.
+        let errors: Vec<Place> =
+            mistakes.iter().filter(|mistake| mistake.severity == Severity::Error).map(|mistake| mistake.place).collect();
+        mistakes.retain(|mistake| mistake.severity == Severity::Error || errors.binary_search(&mistake.place).is_err());
+        Self { sources, mistakes }
+    }
+
+    /// The mistakes in the order of the files.
+    #[must_use]
+    pub fn list(&self) -> &[Mistake] {
+        &self.mistakes
+    }
+
+    /// How many mistakes of this severity there are.
+    #[must_use]
+    pub fn count(&self, severity: Severity) -> usize {
+        self.mistakes.iter().filter(|mistake| mistake.severity == severity).count()
     }
 }
 
@@ -82,33 +131,22 @@ pub enum ScenarioErrors {
         /// Why, and what to do.
         message: String,
     },
-    /// The file can be read, and has mistakes. Displays all of them, each with its line.
-    #[error("{}", render(source_file, mistakes))]
-    Mistakes {
-        /// The file.
-        source_file: Arc<Source>,
-        /// In the order of the file, at least one.
-        mistakes: Vec<Mistake>,
-    },
+    /// The file can be read, and it or a file that it includes has mistakes: at least one error, and every warning.
+    #[error("{0}")]
+    Mistakes(Findings),
 }
 
 impl ScenarioErrors {
-    pub(crate) fn mistakes(source_file: Arc<Source>, mut mistakes: Vec<Mistake>) -> Self {
-        mistakes.sort_by_key(|mistake| mistake.place);
-        mistakes.dedup();
-        Self::Mistakes { source_file, mistakes }
-    }
-
     pub(crate) fn unreadable(path: &Path, message: impl Into<String>) -> Self {
         Self::Unreadable { path: path.to_owned(), message: message.into() }
     }
 
-    /// How many mistakes there are.
+    /// How many mistakes of this severity there are.
     #[must_use]
-    pub fn count(&self) -> usize {
+    pub fn count(&self, severity: Severity) -> usize {
         match self {
-            Self::Unreadable { .. } => 1,
-            Self::Mistakes { mistakes, .. } => mistakes.len(),
+            Self::Unreadable { .. } => usize::from(severity == Severity::Error),
+            Self::Mistakes(findings) => findings.count(severity),
         }
     }
 
@@ -117,25 +155,26 @@ impl ScenarioErrors {
     pub fn list(&self) -> &[Mistake] {
         match self {
             Self::Unreadable { .. } => &[],
-            Self::Mistakes { mistakes, .. } => mistakes,
+            Self::Mistakes(findings) => findings.list(),
         }
     }
 }
 
-fn render(source: &Source, mistakes: &[Mistake]) -> String {
-    let lines: Vec<&str> = source.text.lines().collect();
-    let mut text = String::new();
-    for (mistake_idx, mistake) in mistakes.iter().take(MAX_SHOWN_MISTAKES).enumerate() {
-        if mistake_idx > 0 {
-            text.push('\n');
+impl fmt::Display for Findings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let lines: Vec<Vec<&str>> = self.sources.iter().map(|source| source.text.lines().collect()).collect();
+        for (mistake_idx, mistake) in self.mistakes.iter().take(MAX_SHOWN_MISTAKES).enumerate() {
+            if mistake_idx > 0 {
+                f.write_char('\n')?;
+            }
+            let file = mistake.place.file as usize;
+            show(f, self.sources.get(file), lines.get(file).map_or(&[], Vec::as_slice), mistake)?;
         }
-        // Writing to a string cannot fail.
-        let _infallible = render_one(&mut text, source, &lines, mistake);
+        if self.mistakes.len() > MAX_SHOWN_MISTAKES {
+            writeln!(f, "\nand {} more", self.mistakes.len() - MAX_SHOWN_MISTAKES)?;
+        }
+        Ok(())
     }
-    if mistakes.len() > MAX_SHOWN_MISTAKES {
-        let _infallible = writeln!(text, "\nand {} more", mistakes.len() - MAX_SHOWN_MISTAKES);
-    }
-    text
 }
 
 /// Nobody mends more than this before the next try.
@@ -143,22 +182,28 @@ const MAX_SHOWN_MISTAKES: usize = 50;
 /// Longer lines are cut so that a binary file does not fill the screen.
 const MAX_SHOWN_CHARS: usize = 160;
 
-fn render_one(out: &mut String, source: &Source, lines: &[&str], mistake: &Mistake) -> fmt::Result {
-    let Place { line, column, n_chars } = mistake.place;
-    writeln!(out, "error: {}", mistake.message)?;
+fn show(f: &mut fmt::Formatter<'_>, source: Option<&Source>, lines: &[&str], mistake: &Mistake) -> fmt::Result {
+    let Place { line, column, n_chars, .. } = mistake.place;
+    let word = match mistake.severity {
+        Severity::Error => "error",
+        Severity::Warning => "warning",
+    };
+    writeln!(f, "{word}: {}", mistake.message)?;
     let number = line.to_string();
     let margin = " ".repeat(number.len());
-    writeln!(out, "{margin}--> {}:{line}:{column}", source.path.display())?;
+    if let Some(source) = source {
+        writeln!(f, "{margin}--> {}:{line}:{column}", source.path.display())?;
+    }
     if let Some(shown) = lines.get(line as usize - 1) {
         let shown: String =
             shown.chars().take(MAX_SHOWN_CHARS).map(|letter| if letter.is_control() { ' ' } else { letter }).collect();
         let n_shown = shown.chars().count();
         let before = (column as usize - 1).min(n_shown);
         let marked = (n_chars as usize).min(n_shown.saturating_sub(before)).max(1);
-        writeln!(out, "{margin} |\n{number} | {shown}\n{margin} | {}{}", " ".repeat(before), "^".repeat(marked))?;
+        writeln!(f, "{margin} |\n{number} | {shown}\n{margin} | {}{}", " ".repeat(before), "^".repeat(marked))?;
     }
     if let Some(help) = &mistake.help {
-        writeln!(out, "{margin} = help: {help}")?;
+        writeln!(f, "{margin} = help: {help}")?;
     }
     Ok(())
 }

@@ -1,10 +1,12 @@
 //! `plugins`: which implementation of each contract a run uses.
 
+use crate::angle::radians_key;
 use crate::document::{Node, Value};
 use crate::mistake::Place;
 use crate::reader::Reader;
 use crate::vocabulary::Vocabulary;
 use sfg_tree::Literal;
+use std::collections::BTreeMap;
 
 /// The implementation of each contract; the application's own choice where nothing is said.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,14 +28,24 @@ pub struct Plugins {
 pub struct PluginChoice {
     /// Name of the plugin.
     pub name: String,
-    /// An object; empty when none were given. The plugin checks it.
+    /// An object; empty when none were given. The plugin checks it. Angles are in radians, whatever the file says.
     pub params: serde_json::Value,
+    /// Where each parameter was named and where its value stands.
+    pub param_places: BTreeMap<String, (Place, Place)>,
     /// Where it was named.
     pub place: Place,
 }
 
+impl PluginChoice {
+    fn without_params(name: String, place: Place) -> Self {
+        Self { name, params: serde_json::Value::Object(serde_json::Map::new()), param_places: BTreeMap::new(), place }
+    }
+}
+
 /// Keys of [`Plugins`], in the order of the data path.
 pub(crate) const CONTRACTS: [&str; 5] = ["llm", "grounder", "pose_generator", "grasp_policy", "driver"];
+
+const EXPECTED: &str = "a name, or one name with its parameters: `{name: {parameter: value}}`";
 
 impl Reader {
     pub(crate) fn plugins(&mut self, node: &Node, vocabulary: &Vocabulary) -> Option<Plugins> {
@@ -54,25 +66,24 @@ impl Reader {
         match &node.value {
             Value::Text(_) => {
                 let name = self.word(&what, node, known)?;
-                Some(PluginChoice {
-                    name: name.value,
-                    params: serde_json::Value::Object(serde_json::Map::new()),
-                    place: name.place,
-                })
+                Some(PluginChoice::without_params(name.value, name.place))
             }
-            Value::Map(entries) => {
-                let [(key, params)] = entries.as_slice() else {
-                    return self.wrong(&what, node, "a name, or one name with its parameters: `{name: {parameter: value}}`");
-                };
+            Value::Map(_) => {
+                let (key, params) = self.only(&what, node, EXPECTED, "indent it to make it a parameter")?;
                 let is_known = self.known(&what, &key.text, key.place, known);
-                let params = match &params.value {
-                    Value::Null => serde_json::Value::Object(serde_json::Map::new()),
-                    Value::Map(_) => self.json(params)?,
+                let mut choice = PluginChoice::without_params(key.text.clone(), key.place);
+                match &params.value {
+                    Value::Null => self.nothing_after(key),
+                    Value::Map(entries) => {
+                        choice.params = self.json(params)?;
+                        choice.param_places =
+                            entries.iter().map(|(key, value)| (parameter_name(&key.text), (key.place, value.place))).collect();
+                    }
                     _ => return self.wrong(&format!("parameters of {:?}", key.text), params, "a map"),
-                };
-                is_known.then(|| PluginChoice { name: key.text.clone(), params, place: key.place })
+                }
+                is_known.then_some(choice)
             }
-            _ => self.wrong(&what, node, "a name, or one name with its parameters: `{name: {parameter: value}}`"),
+            _ => self.wrong(&what, node, EXPECTED),
         }
     }
 
@@ -84,16 +95,35 @@ impl Reader {
                 serde_json::Value::Array(items.into_iter().collect::<Option<_>>()?)
             }
             Value::Map(_) => {
-                let entries = self.entries("parameters", node)?;
-                let entries: Vec<_> =
-                    entries.into_iter().map(|(key, value)| self.json(value).map(|value| (key.text.clone(), value))).collect();
-                serde_json::Value::Object(entries.into_iter().collect::<Option<_>>()?)
+                let mut object = Some(serde_json::Map::new());
+                for (key, value) in self.entries("parameters", node)? {
+                    let name = parameter_name(&key.text);
+                    let value = if name == key.text {
+                        self.json(value)
+                    } else {
+                        if node.get(&name).is_some() {
+                            self.angle_given_twice(key, &name);
+                        }
+                        self.radians(&key.text, value).and_then(|value| self.json(&value))
+                    };
+                    match (&mut object, value) {
+                        (Some(object), Some(value)) => drop(object.insert(name, value)),
+                        _ => object = None,
+                    }
+                }
+                serde_json::Value::Object(object?)
             }
             Value::Float(value) if !value.is_finite() => return self.wrong("parameter", node, "a finite number"),
             Value::Null => serde_json::Value::Null,
+            Value::Unknown => return None,
             _ => json_of(&node.literal()),
         })
     }
+}
+
+/// The name under which the plugin gets a parameter: angles are handed over in radians.
+fn parameter_name(written: &str) -> String {
+    radians_key(written, |key| key.ends_with("_rad")).unwrap_or_else(|| written.to_owned())
 }
 
 /// A literal as JSON; a number that JSON does not have becomes null.

@@ -1,5 +1,6 @@
 //! Reads values out of a document and collects what is wrong with them.
 
+use crate::angle::{degrees_key, radians_key};
 use crate::document::{Key, Node, Value};
 use crate::mistake::{At, Mistake, Place};
 use crate::scene::Range;
@@ -14,7 +15,7 @@ pub(crate) struct Reader {
 
 /// The entries of a map with known keys.
 pub(crate) struct Fields<'d> {
-    entries: Vec<(&'d Key, &'d Node)>,
+    pub(crate) entries: Vec<(&'d Key, &'d Node)>,
     pub(crate) place: Place,
 }
 
@@ -37,8 +38,15 @@ impl Reader {
         self.mistakes.push(Mistake::new(place, message).help(help));
     }
 
+    pub(crate) fn warn_with_help(&mut self, place: Place, message: impl Into<String>, help: impl Into<String>) {
+        self.mistakes.push(Mistake::warning(place, message).help(help));
+    }
+
     /// "expected ..., found ...".
     pub(crate) fn wrong<T>(&mut self, what: &str, node: &Node, expected: &str) -> Option<T> {
+        if matches!(node.value, Value::Unknown) {
+            return None;
+        }
         self.report(node.place, format!("{what}: expected {expected}, found {}", node.found()));
         None
     }
@@ -63,25 +71,53 @@ impl Reader {
         Some(unique)
     }
 
-    /// The entries of a map whose keys must be among `known`. Nothing (`key:`) is a map without entries.
+    /// The entries of a map whose keys must be among `known`; those that end in `_rad` may be given in degrees.
     pub(crate) fn fields<'d>(&mut self, what: &str, node: &'d Node, known: &[&str]) -> Option<Fields<'d>> {
-        if matches!(node.value, Value::Null) {
-            return Some(Fields { entries: Vec::new(), place: node.place });
-        }
         let mut entries = self.entries(what, node)?;
+        let is_known = |name: &str| known.contains(&name);
         entries.retain(|(key, _)| {
-            let is_known = known.contains(&key.text.as_str());
-            if !is_known {
-                let help = match nearest(&key.text, known.iter().copied()) {
+            let is_fine = is_known(&key.text) || radians_key(&key.text, is_known).is_some();
+            if !is_fine {
+                let in_degrees: Vec<String> = known.iter().filter_map(|name| degrees_key(name)).collect();
+                let help = match nearest(&key.text, known.iter().copied().chain(in_degrees.iter().map(String::as_str))) {
                     Some(near) => format!("did you mean {near:?}?"),
                     None => format!("known here are {}", known.join(", ")),
                 };
                 self.report_with_help(key.place, format!("{what} has no key {:?}", key.text), help);
             }
-            is_known
+            is_fine
         });
+        for (key, _) in &entries {
+            if let Some(radians) = radians_key(&key.text, is_known)
+                && entries.iter().any(|(other, _)| other.text == radians)
+            {
+                self.angle_given_twice(key, &radians);
+            }
+        }
         let place = entries.first().map_or(node.place, |(key, _)| key.place);
         Some(Fields { entries, place })
+    }
+
+    /// `name:` is taken as `name`, but something was probably to follow.
+    pub(crate) fn nothing_after(&mut self, key: &Key) {
+        let message = format!("nothing follows {:?} and its colon", key.text);
+        self.warn_with_help(key.place, message, format!("write `{}` alone, or indent what belongs to it", key.text));
+    }
+
+    pub(crate) fn angle_given_twice(&mut self, degrees: &Key, radians: &str) {
+        let message = format!("{:?} and {radians:?} are one angle, given twice", degrees.text);
+        self.report_with_help(degrees.place, message, "remove one of the two");
+    }
+
+    /// The only entry of a map, as in `name: {...}`.
+    pub(crate) fn only<'d>(&mut self, what: &str, node: &'d Node, expected: &str, help: &str) -> Option<(&'d Key, &'d Node)> {
+        let Value::Map(entries) = &node.value else { return self.wrong(what, node, expected) };
+        let [(key, body), rest @ ..] = entries.as_slice() else { return self.wrong(what, node, expected) };
+        if let Some((extra, _)) = rest.first() {
+            let message = format!("{what}: expected one name, found {:?} beside {:?}", extra.text, key.text);
+            self.report_with_help(extra.place, message, help);
+        }
+        Some((key, body))
     }
 
     pub(crate) fn required<'d>(&mut self, what: &str, fields: &Fields<'d>, key: &str) -> Option<&'d Node> {
@@ -95,7 +131,6 @@ impl Reader {
     pub(crate) fn list<'d>(&mut self, what: &str, node: &'d Node) -> Option<&'d [Node]> {
         match &node.value {
             Value::List(items) => Some(items),
-            Value::Null => Some(&[]),
             _ => self.wrong(what, node, "a list"),
         }
     }

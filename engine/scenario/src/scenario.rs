@@ -1,18 +1,20 @@
 //! A scenario as a whole.
 
-use crate::document::{self, MAX_FILE_BYTES, Node, Value};
-use crate::mistake::{At, Mistake, Place, ScenarioErrors, Source};
+use crate::document::{MAX_FILE_BYTES, Node, Value};
+use crate::files::{Files, read_text};
+use crate::mistake::{At, Findings, Mistake, Place, ScenarioErrors, Severity, Source};
+use crate::parameters::{Parameters, Settings};
 use crate::plugins::Plugins;
-use crate::reader::Reader;
+use crate::reader::{Fields, Reader};
+use crate::review;
 use crate::scene::{Range, Scene};
 use crate::success::Success;
 use crate::tree::{TreeReader, help_for};
 use crate::vocabulary::Vocabulary;
 use sfg_tree::{BuildError, Problem, Registry, Tree, TreeSpec};
 use sfg_types::{HandSide, Instruction};
-use std::collections::BTreeSet;
-use std::io::Read;
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A checked scenario.
@@ -34,8 +36,12 @@ pub struct Scenario {
     pub success: Success,
     /// What must never be exceeded.
     pub limits: Limits,
-    /// The file.
-    pub source: Arc<Source>,
+    /// What it probably does not mean.
+    pub warnings: Findings,
+    /// The scenario's own file, then those that it includes.
+    pub sources: Arc<[Source]>,
+    /// What was decided outside the files: parameters and variables of the environment, as given.
+    pub settings: BTreeMap<String, String>,
     places: Vec<Place>,
 }
 
@@ -67,50 +73,90 @@ impl Default for Limits {
     }
 }
 
-const KEYS: [&str; 11] =
-    ["version", "robot", "arm", "scene", "instruction", "plugins", "tree", "subtrees", "success", "limits", "description"];
+/// What a scenario may say.
+pub(crate) const KEYS: [&str; 14] = [
+    "version",
+    "robot",
+    "arm",
+    "scene",
+    "instruction",
+    "plugins",
+    "tree",
+    "subtrees",
+    "success",
+    "limits",
+    "description",
+    "include",
+    "parameters",
+    "blackboard",
+];
 
 impl Scenario {
     /// The scenario in the file at `path`.
     ///
     /// # Errors
-    /// [`ScenarioErrors`] with every mistake of the file, or why it cannot be read.
-    pub fn load<C>(path: &Path, registry: &Registry<C>, vocabulary: &Vocabulary) -> Result<Self, ScenarioErrors> {
-        let unreadable = |error: std::io::Error| ScenarioErrors::unreadable(path, error.to_string());
-        let file = std::fs::File::open(path).map_err(unreadable)?;
-        let mut bytes = Vec::new();
-        // One byte more than accepted tells a full file from a cut one, also for files that do not know their length.
-        file.take(MAX_FILE_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-        if bytes.len() > MAX_FILE_BYTES {
-            let message =
-                format!("it is larger than {} MB; split it, or name files instead of copying them", MAX_FILE_BYTES >> 20);
-            return Err(ScenarioErrors::unreadable(path, message));
-        }
-        let text = String::from_utf8(bytes).map_err(|error| {
-            ScenarioErrors::unreadable(path, format!("byte {} is no UTF-8 text", error.utf8_error().valid_up_to()))
-        })?;
-        Self::parse(path, text, registry, vocabulary)
+    /// [`ScenarioErrors`] with every mistake of the file and of those that it includes, or why it cannot be read.
+    pub fn load<C>(
+        path: &Path,
+        settings: &Settings,
+        registry: &Registry<C>,
+        vocabulary: &Vocabulary,
+    ) -> Result<Self, ScenarioErrors> {
+        let text = read_text(path).map_err(|message| ScenarioErrors::unreadable(path, message))?;
+        Self::parse(path, text, settings, registry, vocabulary)
     }
 
-    /// The scenario in `text`; `path` is shown in messages.
+    /// The scenario in `text`; `path` is shown in messages, and what the text includes is found beside it.
     ///
     /// # Errors
     /// [`ScenarioErrors`] with every mistake of the text.
-    pub fn parse<C>(path: &Path, text: String, registry: &Registry<C>, vocabulary: &Vocabulary) -> Result<Self, ScenarioErrors> {
+    pub fn parse<C>(
+        path: &Path,
+        text: String,
+        settings: &Settings,
+        registry: &Registry<C>,
+        vocabulary: &Vocabulary,
+    ) -> Result<Self, ScenarioErrors> {
         if text.len() > MAX_FILE_BYTES {
             return Err(ScenarioErrors::unreadable(path, format!("it is larger than {} MB", MAX_FILE_BYTES >> 20)));
         }
-        let source = Arc::new(Source { path: path.to_owned(), text });
-        let document = match document::parse(&source.text) {
-            Ok(document) => document,
-            Err(mistake) => return Err(ScenarioErrors::mistakes(source, vec![mistake])),
-        };
         let mut reader = Reader::default();
-        let scenario = read(&mut reader, &document, &source, registry, vocabulary);
+        let mut files = Files::new(&mut reader);
+        let document = files.document(path, text);
+        let sources: Arc<[Source]> = files.sources.into();
+        let scenario = document.and_then(|mut document| {
+            let mut parameters = Parameters::new(&mut reader, settings);
+            parameters.apply(&mut document);
+            let taken = parameters.taken;
+            read(&mut reader, &document, registry, vocabulary, Origin { sources: Arc::clone(&sources), settings: taken })
+        });
+        let findings = Findings::new(sources, reader.mistakes);
         match scenario {
-            Some(scenario) if reader.mistakes.is_empty() => Ok(scenario),
-            _ => Err(ScenarioErrors::mistakes(source, reader.mistakes)),
+            Some(scenario) if findings.count(Severity::Error) == 0 => Ok(Self { warnings: findings, ..scenario }),
+            _ => Err(ScenarioErrors::Mistakes(findings)),
         }
+    }
+
+    /// The scenario's own file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.sources.first().map_or(Path::new(""), |source| &source.path)
+    }
+
+    /// Everything that decides what the scenario says, for hashes: the text of its file, and if there are any, the texts that
+    /// it includes and the settings from outside.
+    #[must_use]
+    pub fn full_text(&self) -> String {
+        let mut text: Vec<&str> = self.sources.iter().map(|source| source.text.as_str()).collect();
+        text.extend(self.settings.iter().flat_map(|(name, value)| [name.as_str(), value.as_str()]));
+        text.join("\0")
+    }
+
+    /// A path as written in the file of `place`.
+    #[must_use]
+    pub fn resolve(&self, path: &At<PathBuf>) -> PathBuf {
+        let file = self.sources.get(path.place.file as usize).and_then(|source| source.path.parent());
+        file.unwrap_or(Path::new("")).join(&path.value)
     }
 
     /// The runnable tree.
@@ -118,10 +164,9 @@ impl Scenario {
     /// # Errors
     /// The mistakes that `registry` finds; none when the scenario was loaded with the same one.
     pub fn build_tree<C>(&self, registry: &Registry<C>) -> Result<Tree<C>, ScenarioErrors> {
-        registry.build(&self.tree).map_err(|errors| {
-            let mistakes = errors.into_iter().map(|error| mistake_of(error, &self.places)).collect();
-            ScenarioErrors::mistakes(Arc::clone(&self.source), mistakes)
-        })
+        registry
+            .build(&self.tree)
+            .map_err(|errors| self.errors(errors.into_iter().map(|error| mistake_of(error, &self.places)).collect()))
     }
 
     /// Where a tree node was written; takes the location that the tree's definition gives.
@@ -133,21 +178,28 @@ impl Scenario {
     /// Mistakes that the application found, shown as those found here.
     #[must_use]
     pub fn errors(&self, mistakes: Vec<Mistake>) -> ScenarioErrors {
-        ScenarioErrors::mistakes(Arc::clone(&self.source), mistakes)
+        let all = self.warnings.list().iter().cloned().chain(mistakes).collect();
+        ScenarioErrors::Mistakes(Findings::new(Arc::clone(&self.sources), all))
     }
 }
 
 fn mistake_of(error: BuildError, places: &[Place]) -> Mistake {
     let place = places.get(error.location as usize).copied().unwrap_or(Place::START);
-    Mistake { place, message: error.problem.to_string(), help: error.help }
+    Mistake { help: error.help, ..Mistake::new(place, error.problem.to_string()) }
+}
+
+/// Where a scenario comes from.
+struct Origin {
+    sources: Arc<[Source]>,
+    settings: BTreeMap<String, String>,
 }
 
 fn read<C>(
     reader: &mut Reader,
     document: &Node,
-    source: &Arc<Source>,
     registry: &Registry<C>,
     vocabulary: &Vocabulary,
+    origin: Origin,
 ) -> Option<Scenario> {
     if matches!(document.value, Value::Null) {
         reader.report_with_help(
@@ -158,14 +210,8 @@ fn read<C>(
         return None;
     }
     let fields = reader.fields("scenario", document, &KEYS)?;
-    if let Some(version) = reader.required("scenario", &fields, "version")
-        && !matches!(version.value, Value::Int(1))
-    {
-        reader.wrong::<()>("version", version, "1");
-    }
-    if let Some(description) = fields.get("description") {
-        reader.text("description", description);
-    }
+    reader.required("scenario", &fields, "version");
+    reader.version(document);
     let robot = reader.required("scenario", &fields, "robot").and_then(|node| reader.word("robot", node, &vocabulary.robots));
     let arm = fields.get("arm").map_or(Some(HandSide::Left), |node| arm(reader, node));
     let scene = reader.required("scenario", &fields, "scene").and_then(|node| reader.scene(node, vocabulary));
@@ -173,34 +219,10 @@ fn read<C>(
     let plugins = fields.get("plugins").map_or_else(|| Some(Plugins::default()), |node| reader.plugins(node, vocabulary));
     let success = fields.get("success").map_or_else(|| Some(Success::default()), |node| reader.success(node, vocabulary));
     let limits = fields.get("limits").map_or_else(|| Some(Limits::default()), |node| limits(reader, node));
-    let tree = reader.required("scenario", &fields, "tree");
-
-    let mut reasons = vocabulary.reasons.clone();
-    if !reasons.is_empty() {
-        reasons.extend(sfg_tree::reason::ALL.iter().map(|reason| (*reason).to_owned()));
-    }
-    let mut trees = TreeReader { reader, models: registry.models(), reasons, places: Vec::new(), spoilt: BTreeSet::new() };
-    // Number 0 is the whole file, for nodes without a place.
-    trees.places.push(Place::START);
-    let subtrees = fields.get("subtrees").map_or_else(|| Some(Vec::new()), |node| trees.subtrees(node));
-    let root = tree.and_then(|node| trees.node(node));
-    let (places, spoilt) = (trees.places, trees.spoilt);
-    let tree = TreeSpec { root: root?, subtrees: subtrees?, ..TreeSpec::default() };
-    if let Err(errors) = registry.build(&tree) {
-        let is_unread =
-            |error: &BuildError| matches!(error.problem, Problem::UnknownNode { .. } | Problem::UnknownSubtree { .. });
-        let has_gaps = !spoilt.is_empty() || errors.iter().any(is_unread);
-        // A node that could not be read would have had the port, the child or the key that is now missing.
-        let is_consequence = |error: &BuildError| match error.problem {
-            Problem::MissingPort { .. } | Problem::ChildCount { .. } => spoilt.contains(&error.location),
-            Problem::DanglingKey { .. } => has_gaps && error.help.is_none(),
-            _ => false,
-        };
-        reader.mistakes.extend(errors.into_iter().filter(|error| !is_consequence(error)).map(|mut error| {
-            error.help = error.help.or_else(|| help_for(&error.problem, registry.models()));
-            mistake_of(error, &places)
-        }));
-    }
+    let timeout_secs = limits.as_ref().map(|limits| limits.timeout_secs);
+    let tree = read_tree(reader, &fields, registry, vocabulary, timeout_secs);
+    let no_warnings = Findings::new(Arc::clone(&origin.sources), Vec::new());
+    let (tree, places) = tree?;
     Some(Scenario {
         robot: robot?,
         arm: arm?,
@@ -210,9 +232,91 @@ fn read<C>(
         tree,
         success: success?,
         limits: limits?,
-        source: Arc::clone(source),
+        warnings: no_warnings,
+        sources: origin.sources,
+        settings: origin.settings,
         places,
     })
+}
+
+/// The tree, built once so that all its mistakes are known, and the places of its nodes.
+fn read_tree<C>(
+    reader: &mut Reader,
+    fields: &Fields<'_>,
+    registry: &Registry<C>,
+    vocabulary: &Vocabulary,
+    timeout_secs: Option<f64>,
+) -> Option<(TreeSpec, Vec<Place>)> {
+    let tree = reader.required("scenario", fields, "tree");
+    let mut reasons = vocabulary.reasons.clone();
+    if !reasons.is_empty() {
+        reasons.extend(sfg_tree::reason::ALL.iter().map(|reason| (*reason).to_owned()));
+    }
+    let mut trees = TreeReader {
+        reader,
+        models: registry.models(),
+        reasons,
+        subtree_ports: BTreeMap::new(),
+        // Number 0 is the whole file, for nodes without a place.
+        places: vec![Place::START],
+        unread: BTreeSet::new(),
+        entry_places: Vec::new(),
+        spoilt: BTreeSet::new(),
+    };
+    let entries = fields.get("blackboard").map_or_else(|| Some(Vec::new()), |node| trees.blackboard(node));
+    let subtrees = fields.get("subtrees").map_or_else(|| Some(Vec::new()), |node| trees.subtrees(node));
+    let root = tree.and_then(|node| trees.node(node));
+    let (places, spoilt, unread, entry_places) = (trees.places, trees.spoilt, trees.unread, trees.entry_places);
+    let tree = TreeSpec { root: root?, subtrees: subtrees?, entries: entries?, ..TreeSpec::default() };
+    let (mut can_be_walked, mut has_unknown_nodes, has_unread_nodes) = (true, false, !spoilt.is_empty());
+    if let Err(errors) = registry.build(&tree) {
+        let is_unread =
+            |error: &BuildError| matches!(error.problem, Problem::UnknownNode { .. } | Problem::UnknownSubtree { .. });
+        has_unknown_nodes = errors.iter().any(is_unread);
+        // A node that could not be read would have had the port, the child or the key that is now missing.
+        let is_consequence = |error: &BuildError| match &error.problem {
+            Problem::UnknownSubtree { name } => unread.contains(name),
+            Problem::MissingPort { .. } | Problem::ChildCount { .. } => spoilt.contains(&error.location),
+            Problem::DanglingKey { .. } => (has_unread_nodes || has_unknown_nodes) && error.help.is_none(),
+            _ => false,
+        };
+        let is_endless = |error: &BuildError| {
+            matches!(error.problem, Problem::RecursiveSubtree { .. } | Problem::TooDeep { .. } | Problem::TooLarge { .. })
+        };
+        can_be_walked = !errors.iter().any(is_endless);
+        reader.mistakes.extend(errors.into_iter().filter(|error| !is_consequence(error)).map(|mut error| {
+            error.help = error.help.or_else(|| help_for(&error.problem, registry.models()));
+            mistake_of(error, &places)
+        }));
+    }
+    if can_be_walked {
+        let entry_keys: Vec<&str> = registry.entry_keys().collect();
+        let reviewed = review::Reviewed {
+            tree: &tree,
+            models: registry.models(),
+            entry_keys: &entry_keys,
+            places: &places,
+            entry_places: &entry_places,
+            has_unread_nodes,
+            has_unknown_nodes,
+        };
+        reader.mistakes.extend(review::review(&reviewed, timeout_secs));
+    }
+    Some((tree, places))
+}
+
+impl Reader {
+    /// The version of the format, where it is given.
+    pub(crate) fn version(&mut self, document: &Node) {
+        if let Some(version) = document.get("version")
+            && !matches!(version.value, Value::Int(1))
+        {
+            self.wrong::<()>("version", version, "1");
+        }
+        if let Some(description) = document.get("description") {
+            self.text("description", description);
+        }
+    }
 }
 
 fn arm(reader: &mut Reader, node: &Node) -> Option<HandSide> {

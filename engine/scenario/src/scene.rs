@@ -28,10 +28,6 @@ impl Range {
     pub fn at(self, uniform: f64) -> f64 {
         self.min + (self.max - self.min) * uniform
     }
-
-    fn to_radians(self) -> Self {
-        Self { min: self.min.to_radians(), max: self.max.to_radians() }
-    }
 }
 
 /// What the robot finds before it.
@@ -73,7 +69,7 @@ pub struct SceneObject {
 pub enum ObjectShape {
     /// A declarative model by name.
     Model(At<String>),
-    /// A scan; paths are relative to the scenario file.
+    /// A scan; paths are relative to the file that names them.
     Scanned {
         /// Surface, Wavefront OBJ.
         mesh: At<PathBuf>,
@@ -157,21 +153,9 @@ impl Reader {
     }
 
     fn object(&mut self, item: &Node, vocabulary: &Vocabulary) -> Option<SceneObject> {
-        let entries = match &item.value {
-            Value::Map(entries) => entries.as_slice(),
-            _ => {
-                return self.wrong(
-                    "object",
-                    item,
-                    "a name and what it is, such as `- cup: {model: mug, at: {x_m: 0.6, y_m: 0.1}}`",
-                );
-            }
-        };
-        let [(key, body), rest @ ..] = entries else { return self.wrong("object", item, "a name and what it is") };
-        if let Some((extra, _)) = rest.first() {
-            let message = format!("an object is one name, found {:?} beside {:?}", extra.text, key.text);
-            self.report_with_help(extra.place, message, "begin it with `- `, or indent it to make it a key of the object");
-        }
+        let expected = "a name and what it is, such as `- cup: {model: mug, at: {x_m: 0.6, y_m: 0.1}}`";
+        let help = "begin it with `- `, or indent it to make it a key of the object";
+        let (key, body) = self.only("object", item, expected, help)?;
         const KEYS: &[&str] = &[
             "model",
             "mesh",
@@ -242,14 +226,19 @@ impl Reader {
     }
 
     fn placement(&mut self, node: &Node) -> Option<Placement> {
-        let fields = self.fields("at", node, &["x_m", "y_m", "yaw_deg"])?;
+        let fields = self.fields("at", node, &["x_m", "y_m", "yaw_rad"])?;
         let x_m = self.required("at", &fields, "x_m").and_then(|node| self.range("x_m", node, REACH_M.0, REACH_M.1));
         let y_m = self.required("at", &fields, "y_m").and_then(|node| self.range("y_m", node, REACH_M.0, REACH_M.1));
-        let yaw_rad = match fields.get("yaw_deg").map(|node| (node, &node.value)) {
+        let yaw_rad = match fields.angle("yaw_rad") {
             None => Some(Range::fixed(0.0)),
-            Some((_, Value::Text(word))) if word == "any" => Some(Range { min: -PI, max: PI }),
-            Some((node, Value::Text(_))) => self.wrong("yaw_deg", node, "degrees, [min, max] or any"),
-            Some((node, _)) => self.range("yaw_deg", node, -360.0, 360.0).map(Range::to_radians),
+            Some(angle) => match &angle.node.value {
+                Value::Text(word) if word == "any" => Some(Range { min: -PI, max: PI }),
+                Value::Text(_) => self.wrong(angle.key, angle.node, &format!("{}, [min, max] or any", angle.unit())),
+                _ => {
+                    let turn = angle.full_turn();
+                    self.range(angle.key, angle.node, -turn, turn).map(|range| angle.to_radians(range))
+                }
+            },
         };
         Some(Placement { x_m: x_m?, y_m: y_m?, yaw_rad: yaw_rad? })
     }

@@ -3,14 +3,77 @@
 //! It is made from the same lists that the reader checks: node models and vocabulary. What a schema cannot say (keys that
 //! nobody writes, types of keys) only [`crate::Scenario::load`] finds.
 
+use crate::angle::degrees_key;
+use crate::files::INCLUDED_KEYS;
 use crate::scene::{MOUTH_M, WALL_M};
 use crate::vocabulary::Vocabulary;
 use serde_json::{Map, Value, json};
-use sfg_tree::{Literal, NodeClass, NodeModel, PortSpec, Shape};
+use sfg_tree::{Literal, NodeClass, NodeModel, PortSpec, Shape, When};
 
-/// The schema of a scenario that uses these nodes and names.
+const PARAMETER_PATTERN: &str = "\\$\\{[A-Za-z_][A-Za-z0-9_]*(:-[^}]*)?\\}";
+
+/// The schema of a scenario that uses these nodes and names. That of a file to include is `#/$defs/included` in it.
 #[must_use]
 pub fn schema(models: &[NodeModel], vocabulary: &Vocabulary) -> Value {
+    let mut schema = plain_schema(models, vocabulary);
+    for when in When::ALL {
+        schema["$defs"][when.name()] = script(when);
+    }
+    let properties = schema["properties"].clone();
+    let included: Map<String, Value> = INCLUDED_KEYS
+        .iter()
+        .map(|key| {
+            let mut property = properties[*key].clone();
+            // Objects may stand in another file.
+            if let Some(scene) = property.as_object_mut() {
+                scene.remove("required");
+            }
+            ((*key).to_owned(), property)
+        })
+        .collect();
+    schema["$defs"]["included"] = object(included, &[], "A file that others include.");
+    let is_plain = |key: &str| ["key", "parameter", "parameters", "include"].contains(&key);
+    for part in ["properties", "$defs"] {
+        if let Some(parts) = schema[part].as_object_mut() {
+            parts.iter_mut().filter(|(key, _)| !is_plain(key)).for_each(|(_, part)| allow_parameters(part));
+        }
+    }
+    schema
+}
+
+/// Wherever a value stands that is no text, a parameter may stand.
+fn allow_parameters(schema: &mut Value) {
+    let Some(entries) = schema.as_object_mut() else { return };
+    for (key, value) in entries.iter_mut() {
+        match key.as_str() {
+            "properties" => {
+                let values = value.as_object_mut().into_iter().flatten();
+                values
+                    .filter(|(key, _)| !["include", "parameters"].contains(&key.as_str()))
+                    .for_each(|(_, value)| allow_parameters(value));
+            }
+            "items" | "additionalProperties" => allow_parameters(value),
+            "anyOf" => value.as_array_mut().into_iter().flatten().for_each(allow_parameters),
+            _ => {}
+        }
+    }
+    let is_typed = |name: &str| ["number", "integer", "boolean", "array"].contains(&name);
+    let takes_text = !entries.get("type").and_then(Value::as_str).is_some_and(is_typed)
+        && !entries.contains_key("enum")
+        && !entries.contains_key("const");
+    if takes_text {
+        return;
+    }
+    let mut value = std::mem::take(entries);
+    for key in ["description", "default"] {
+        if let Some(said) = value.shift_remove(key) {
+            entries.insert(key.to_owned(), said);
+        }
+    }
+    entries.insert("anyOf".to_owned(), json!([value, {"$ref": "#/$defs/parameter"}]));
+}
+
+fn plain_schema(models: &[NodeModel], vocabulary: &Vocabulary) -> Value {
     let plugins: Map<String, Value> =
         crate::plugins::CONTRACTS.iter().map(|contract| ((*contract).to_owned(), plugin(vocabulary.plugins(contract)))).collect();
     json!({
@@ -22,6 +85,13 @@ pub fn schema(models: &[NodeModel], vocabulary: &Vocabulary) -> Value {
         "properties": {
             "version": {"const": 1, "description": "Version of this format."},
             "description": {"type": "string", "description": "What the scenario shows."},
+            "include": {
+                "type": "array",
+                "items": {"type": "string"},
+                "description": "Files whose subtrees, scene, plugins, limits and parameters are taken over; paths are relative to this file."
+            },
+            "parameters": {"type": "object", "description": "Values that `${name}` stands for, unless `--set name=value` says otherwise."},
+            "blackboard": {"type": "object", "description": "Entries that the blackboard begins with."},
             "robot": described(word(&vocabulary.robots), "Name of the robot."),
             "arm": {"enum": ["left", "right"], "default": "left", "description": "The acting arm and hand."},
             "scene": scene(),
@@ -61,6 +131,7 @@ pub fn schema(models: &[NodeModel], vocabulary: &Vocabulary) -> Value {
                 "anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}]
             },
             "key": {"type": "string", "pattern": "^\\{[A-Za-z_][A-Za-z0-9_]*(\\.[A-Za-z_][A-Za-z0-9_]*)*\\}$", "description": "A blackboard key."},
+            "parameter": {"type": "string", "pattern": PARAMETER_PATTERN, "description": "The value of a parameter."},
             "object_model": word(&vocabulary.object_models),
             "object": object_schema(),
             "reason": word(&with_tree_reasons(&vocabulary.reasons)),
@@ -149,7 +220,8 @@ fn object_schema() -> Value {
                 "properties": {
                     "x_m": described(range_ref(), "Ahead of the robot, metres."),
                     "y_m": described(range_ref(), "To its left, metres."),
-                    "yaw_deg": {"anyOf": [{"const": "any"}, range_ref()], "description": "Rotation about the vertical, degrees."}
+                    "yaw_deg": {"anyOf": [{"const": "any"}, range_ref()], "description": "Rotation about the vertical, degrees."},
+                    "yaw_rad": {"anyOf": [{"const": "any"}, range_ref()], "description": "The same in radians."}
                 }
             },
             "filled_grains": {"type": "integer", "minimum": 0, "maximum": 2000, "description": "Grains inside."},
@@ -169,10 +241,13 @@ fn node(models: &[NodeModel]) -> Value {
     let bare: Vec<&str> = models.iter().filter(is_bare).map(|model| model.name.as_ref()).collect();
     let mut properties: Map<String, Value> =
         models.iter().map(|model| (model.name.to_string(), described(body(model), &model.doc))).collect();
+    let mut used_subtree = conditions();
+    used_subtree.insert("tree".to_owned(), json!({"type": "string"}));
+    used_subtree.insert("autoremap".to_owned(), json!({"type": "boolean", "description": "Shares every key with its user."}));
     let subtree = json!({
         "anyOf": [
             {"type": "string"},
-            {"type": "object", "required": ["tree"], "properties": {"tree": {"type": "string"}, "name": {"type": "string"}}}
+            {"type": "object", "required": ["tree"], "properties": used_subtree}
         ],
         "description": "Does a tree of `subtrees`."
     });
@@ -182,28 +257,36 @@ fn node(models: &[NodeModel]) -> Value {
 }
 
 fn body(model: &NodeModel) -> Value {
-    let mut properties = Map::new();
+    let mut properties = conditions();
     let mut required: Vec<&str> = Vec::new();
-    properties.insert("name".to_owned(), json!({"type": "string", "description": "A name of its own, for journals."}));
+    // Ports that must be given in one of two units.
+    let mut either_unit: Vec<Value> = Vec::new();
     for spec in &model.ports {
-        let value = if model.name == "retry" && spec.name() == "on" {
+        let value = if ["retry", "recover"].contains(&&*model.name) && spec.name() == "on" {
             described(json!({"type": "array", "items": {"$ref": "#/$defs/reason"}}), spec.doc_text())
         } else {
             port(spec)
         };
-        properties.insert(spec.name().to_owned(), value);
-        if spec.must_be_given() {
+        if let Some(degrees) = degrees_key(spec.name()) {
+            // A key holds radians, and so do limits.
+            let shape = spec.port_type().shape().map_or_else(|| json!({}), shape_schema);
+            properties.insert(degrees.clone(), described(shape, "The same in degrees."));
+            if spec.must_be_given() {
+                either_unit.push(json!({"anyOf": [{"required": [spec.name()]}, {"required": [degrees]}]}));
+            }
+        } else if spec.must_be_given() {
             required.push(spec.name());
         }
+        properties.insert(spec.name().to_owned(), value);
     }
     let child = json!({"$ref": "#/$defs/node"});
     let children = json!({"type": "array", "minItems": 1, "items": child});
     let short = match model.class {
         NodeClass::Control => Some(children.clone()),
-        NodeClass::Decorator if required.is_empty() => Some(child.clone()),
+        NodeClass::Decorator if required.is_empty() && either_unit.is_empty() => Some(child.clone()),
         NodeClass::Decorator => None,
         // Nothing after the colon gives nothing.
-        _ if required.is_empty() => Some(json!({"type": "null"})),
+        _ if required.is_empty() && either_unit.is_empty() => Some(json!({"type": "null"})),
         _ => None,
     };
     match model.class {
@@ -217,8 +300,33 @@ fn body(model: &NodeModel) -> Value {
         }
         _ => {}
     }
-    let long = json!({"type": "object", "additionalProperties": false, "required": required, "properties": properties});
+    let mut long = json!({"type": "object", "additionalProperties": false, "required": required, "properties": properties});
+    if !either_unit.is_empty() {
+        long["allOf"] = Value::Array(either_unit);
+    }
     short.map_or_else(|| long.clone(), |short| json!({"anyOf": [short, long]}))
+}
+
+/// What every node can be given beside its ports.
+fn conditions() -> Map<String, Value> {
+    let name = ("name".to_owned(), json!({"type": "string", "description": "A name of its own, for journals."}));
+    let conditions = When::ALL.map(|when| (when.name().to_owned(), json!({"$ref": format!("#/$defs/{}", when.name())})));
+    std::iter::once(name).chain(conditions).collect()
+}
+
+/// The script of a condition.
+fn script(when: When) -> Value {
+    let doc = match when {
+        When::FailureIf => "Script; true: the node fails without being ticked.",
+        When::SuccessIf => "Script; true: the node succeeds without being ticked.",
+        When::SkipIf => "Script; true: the node is skipped.",
+        When::While => "Script; false: the node is halted and skipped.",
+        When::OnSuccess => "Script that runs after the node succeeded.",
+        When::OnFailure => "Script that runs after the node failed.",
+        When::OnHalted => "Script that runs after the node was halted.",
+        When::Post => "Script that runs after the node ended or was halted.",
+    };
+    json!({"type": ["string", "boolean"], "description": doc})
 }
 
 fn port(spec: &PortSpec) -> Value {

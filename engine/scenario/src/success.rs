@@ -21,7 +21,7 @@ pub struct Predicate {
     /// Its name.
     pub name: String,
     /// Its arguments in the order of the file.
-    pub args: Vec<(String, At<Literal>)>,
+    pub args: Vec<(At<String>, At<Literal>)>,
     /// Where it was named.
     pub place: Place,
 }
@@ -30,17 +30,19 @@ impl Predicate {
     /// An argument by name.
     #[must_use]
     pub fn arg(&self, name: &str) -> Option<&At<Literal>> {
-        self.args.iter().find(|(key, _)| key == name).map(|(_, value)| value)
+        self.args.iter().find(|(key, _)| key.value == name).map(|(_, value)| value)
     }
 
     /// The arguments as a JSON object.
     #[must_use]
     pub fn args_json(&self) -> serde_json::Value {
         serde_json::Value::Object(
-            self.args.iter().map(|(key, value)| (key.clone(), crate::plugins::json_of(&value.value))).collect(),
+            self.args.iter().map(|(key, value)| (key.value.clone(), crate::plugins::json_of(&value.value))).collect(),
         )
     }
 }
+
+const EXPECTED: &str = "a name, or one name with its arguments: `- name: {argument: value}`";
 
 impl Reader {
     pub(crate) fn success(&mut self, node: &Node, vocabulary: &Vocabulary) -> Option<Success> {
@@ -55,20 +57,26 @@ impl Reader {
     fn predicate(&mut self, item: &Node, known: &[String]) -> Option<Predicate> {
         let (name, place, body) = match &item.value {
             Value::Text(name) => (name, item.place, None),
-            Value::Map(entries) => match entries.as_slice() {
-                [(key, body)] => (&key.text, key.place, Some(body)),
-                _ => return self.wrong("predicate", item, "one name with its arguments"),
-            },
-            _ => return self.wrong("predicate", item, "a name, or one name with its arguments: `- name: {argument: value}`"),
+            Value::Map(_) => {
+                let (key, body) =
+                    self.only("predicate", item, EXPECTED, "begin it with `- `, or indent it to make it an argument")?;
+                (&key.text, key.place, Some((key, body)))
+            }
+            _ => return self.wrong("predicate", item, EXPECTED),
         };
         let is_known = self.known("predicate", name, place, known);
         let mut args = Vec::new();
-        if let Some(body) = body.filter(|body| !matches!(body.value, Value::Null)) {
-            for (key, value) in self.entries(name, body)? {
-                if matches!(value.value, Value::Float(number) if !number.is_finite()) {
-                    self.wrong::<()>(&key.text, value, "a finite number");
+        match body {
+            None => {}
+            Some((key, body)) if matches!(body.value, Value::Null) => self.nothing_after(key),
+            Some((_, body)) => {
+                for (key, value) in self.entries(name, body)? {
+                    if matches!(value.value, Value::Float(number) if !number.is_finite()) {
+                        self.wrong::<()>(&key.text, value, "a finite number");
+                    }
+                    let key = At { value: key.text.clone(), place: key.place };
+                    args.push((key, At { value: value.literal(), place: value.place }));
                 }
-                args.push((key.text.clone(), At { value: value.literal(), place: value.place }));
             }
         }
         is_known.then(|| Predicate { name: name.clone(), args, place })

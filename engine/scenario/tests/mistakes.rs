@@ -1,95 +1,17 @@
 //! Every kind of bad input: one clear message with place and remedy, never a panic.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests fail by panicking and say what they leave out")]
 
+mod support;
+
 use rand::{Rng, SeedableRng};
-use sfg_scenario::{Hollow, MAX_FILE_BYTES, ObjectShape, Scenario, ScenarioErrors, Vocabulary};
-use sfg_tree::{PortSpec, Registry};
+use sfg_scenario::{Hollow, MAX_FILE_BYTES, ObjectShape, Scenario, Settings, Severity};
 use std::path::Path;
-
-const VALID: &str = include_str!("valid.yaml");
-
-/// Artefacts of the small registry.
-struct Observation;
-struct Inventory;
-#[derive(Clone)]
-struct Functionality;
-struct ObjectRef;
-
-fn registry() -> Registry<()> {
-    let mut registry = Registry::new();
-    registry.step("observe_scene", [PortSpec::output::<Observation>("observation")], |_| Ok(()));
-    let ports = [PortSpec::input::<Observation>("observation"), PortSpec::output::<Inventory>("inventory")];
-    registry.step("list_scene", ports, |_| Ok(()));
-    let ports = [PortSpec::input::<Inventory>("inventory"), PortSpec::output::<Functionality>("functionality")];
-    registry.step("infer_functionality", ports, |_| Ok(()));
-    registry.step(
-        "lift",
-        [
-            PortSpec::input::<Functionality>("functionality"),
-            PortSpec::setting::<f64>("height_m").default_value(0.1).range(0.0, 0.5),
-            PortSpec::output::<f64>("lifted_m"),
-        ],
-        |_| Ok(()),
-    );
-    registry.step(
-        "pour",
-        [
-            PortSpec::input::<ObjectRef>("into"),
-            PortSpec::setting::<f64>("fraction").range(0.0, 1.0),
-            PortSpec::setting::<f64>("timeout_secs").default_value(20.0),
-        ],
-        |_| Ok(()),
-    );
-    registry.condition("is_held", [], |_| Ok(true));
-    registry.field::<Functionality, ObjectRef>("target", |_| Ok(ObjectRef));
-    registry
-}
-
-fn vocabulary() -> Vocabulary {
-    let words = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
-    Vocabulary {
-        robots: words("curi"),
-        object_models: words("bottle bowl mug"),
-        llm: words("knowledge openai"),
-        grounder: words("geometric"),
-        pose_generator: words("analytic network"),
-        grasp_policy: words("synergy"),
-        driver: words("sim"),
-        truth_predicates: words("grains_in still_held"),
-        sensed_predicates: words("fill_seen"),
-        reasons: words("lift_failed slipped no_candidate_reachable"),
-    }
-}
-
-fn parse(text: &str) -> Result<Scenario, ScenarioErrors> {
-    Scenario::parse(Path::new("test.yaml"), text.to_owned(), &registry(), &vocabulary())
-}
-
-/// The valid scenario with one text replaced by another.
-#[track_caller]
-fn with(from: &str, to: &str) -> String {
-    assert_eq!(VALID.matches(from).count(), 1, "{from:?} must stand once in valid.yaml");
-    VALID.replace(from, to)
-}
+use support::{VALID, check_text, parse, registry, vocabulary, with};
 
 /// Line, column, message and help of each mistake of the valid scenario with `from` replaced by `to`.
 #[track_caller]
 fn check(from: &str, to: &str, expected: &[&str]) {
     check_text(&with(from, to), expected);
-}
-
-#[track_caller]
-fn check_text(text: &str, expected: &[&str]) {
-    let errors = parse(text).expect_err("the scenario is accepted");
-    let found: Vec<String> = errors
-        .list()
-        .iter()
-        .map(|mistake| {
-            let help = mistake.help.as_ref().map_or(String::new(), |help| format!(" | {help}"));
-            format!("{}:{} {}{help}", mistake.place.line, mistake.place.column, mistake.message)
-        })
-        .collect();
-    assert_eq!(found, expected, "{errors}");
 }
 
 #[test]
@@ -226,7 +148,10 @@ fn unknown_names() {
     check(
         "{subtree: grasp_and_lift}",
         "{subtree: grasp_and_lft}",
-        &["28:23 unknown subtree \"grasp_and_lft\" | did you mean \"grasp_and_lift\"?"],
+        &[
+            "28:23 unknown subtree \"grasp_and_lft\" | did you mean \"grasp_and_lift\"?",
+            "31:3 subtree \"grasp_and_lift\" is not used | write `subtree: grasp_and_lift` where it is meant, or remove it",
+        ],
     );
     check("from: [mug]", "from: [mugg]", &["8:30 unknown object model \"mugg\" | did you mean \"mug\"?"]);
     check(
@@ -290,6 +215,7 @@ fn ports() {
         "{height: 0.2}]\n    out: [lifted_m]",
         "{height: 0.2}, lifted_m]",
         &[
+            "32:40 nothing in subtree \"grasp_and_lift\" reads its port \"lifted_m\" | remove it",
             "35:11 port \"lifted_m\" writes blackboard key \"lifted_m\", which the subtree declares as an input | declare it under `out` or `inout`, or write another key",
         ],
     );
@@ -310,7 +236,8 @@ fn shapes_of_nodes() {
         "- observe_scene",
         "- observe_scene:\n      list_scene:",
         &[
-            "23:7 a node is one name, found \"list_scene\" beside \"observe_scene\" | begin it with `- ` to make it the next node, or indent it to make it a port",
+            "22:7 nothing follows \"observe_scene\" and its colon | write `observe_scene` alone, or indent what belongs to it",
+            "23:7 node: expected one name, found \"list_scene\" beside \"observe_scene\" | begin it with `- ` to make it the next node, or indent it to make it a port",
         ],
     );
     check("- observe_scene", "- 3", &["22:7 node: expected the name of a node, found 3"]);
@@ -338,8 +265,15 @@ fn shapes_of_nodes() {
         "do: [is_held]",
         &["28:13 \"retry\" does one node, found a list | write `do: {sequence: [...]}`"],
     );
-    check("        do: {subtree: grasp_and_lift}\n", "", &["25:7 \"retry\" takes exactly one child, found 0"]);
-    check("{subtree: grasp_and_lift}", "{subtree: {height: 1}}", &["28:14 subtree needs key \"tree\": the name of a subtree"]);
+    check(
+        "        do: {subtree: grasp_and_lift}\n",
+        "",
+        &[
+            "25:7 \"retry\" takes exactly one child, found 0",
+            "30:3 subtree \"grasp_and_lift\" is not used | write `subtree: grasp_and_lift` where it is meant, or remove it",
+        ],
+    );
+    check("{subtree: grasp_and_lift}", "{subtree: {height: 1}}", &["28:24 subtree needs key \"tree\": the name of a subtree"]);
     check(
         "{subtree: grasp_and_lift}",
         "{subtree: {tree: grasp_and_lift, heigt: 1}}",
@@ -413,7 +347,7 @@ fn instructions() {
     check(
         "instruction: Pour the water from the bottle into the bowl.",
         "instruction:",
-        &["13:12 the instruction is empty; say what to do, for example \"pour the water into the bowl\""],
+        &["13:1 the instruction is empty; say what to do, for example \"pour the water into the bowl\""],
     );
 }
 
@@ -439,16 +373,16 @@ fn bombs_and_depths() {
     check_text(&bomb, &["5:10 aliases stand for more than 10000 values | write the values out"]);
     for depth in [100, 5_000, 100_000] {
         let nested = format!("tree: {}{}", "[".repeat(depth), "]".repeat(depth));
-        assert_eq!(parse(&nested).unwrap_err().count(), 1, "depth {depth}");
+        assert_eq!(parse(&nested).unwrap_err().count(Severity::Error), 1, "depth {depth}");
         let block: String = (0..depth.min(2_000)).map(|level| format!("{}a:\n", " ".repeat(level))).collect();
-        assert_eq!(parse(&block).unwrap_err().count(), 1, "depth {depth}");
+        assert_eq!(parse(&block).unwrap_err().count(Severity::Error), 1, "depth {depth}");
     }
 }
 
 #[test]
 fn files_that_cannot_be_read() {
     let folder = tempfile::tempdir().unwrap();
-    let load = |path: &Path| Scenario::load(path, &registry(), &vocabulary()).unwrap_err().to_string();
+    let load = |path: &Path| Scenario::load(path, &Settings::default(), &registry(), &vocabulary()).unwrap_err().to_string();
     assert!(load(&folder.path().join("absent.yaml")).starts_with("cannot read"));
     assert!(load(folder.path()).starts_with("cannot read"));
     let large = folder.path().join("large.yaml");
@@ -490,14 +424,14 @@ fn damaged_bytes_never_panic() {
             }
         }
         let Ok(text) = String::from_utf8(bytes) else { continue };
-        match Scenario::parse(Path::new("test.yaml"), text.clone(), &registry, &vocabulary) {
+        match Scenario::parse(Path::new("test.yaml"), text.clone(), &Settings::default(), &registry, &vocabulary) {
             Ok(scenario) => {
                 n_accepted += 1;
                 assert!(scenario.build_tree(&registry).is_ok(), "{text}");
             }
             Err(errors) => {
                 n_refused += 1;
-                assert!(errors.count() > 0 && errors.to_string().contains("error: "), "{text}");
+                assert!(errors.count(Severity::Error) > 0 && errors.to_string().contains("error: "), "{text}");
             }
         }
     }
@@ -529,9 +463,15 @@ fn accepts(root: &serde_json::Value, schema: &serde_json::Value, value: &serde_j
     let any_fits = schema.get("anyOf").is_none_or(|any| any.as_array().unwrap().iter().any(|one| accepts(root, one, value)));
     let word_fits = schema.get("enum").is_none_or(|words| words.as_array().unwrap().contains(value));
     let constant_fits = schema.get("const").is_none_or(|constant| constant == value);
-    // The one pattern in use is that of keys.
-    let pattern_fits =
-        schema.get("pattern").is_none() || value.as_str().is_some_and(|text| text.starts_with('{') && text.ends_with('}'));
+    // The two patterns in use are those of keys and of parameters.
+    let pattern_fits = match schema.get("pattern").and_then(serde_json::Value::as_str) {
+        None => true,
+        Some(pattern) if pattern.starts_with('^') => {
+            value.as_str().is_some_and(|text| text.starts_with('{') && text.ends_with('}'))
+        }
+        Some(_) => value.as_str().is_some_and(|text| text.contains("${")),
+    };
+    let all_fit = schema.get("allOf").is_none_or(|all| all.as_array().unwrap().iter().all(|one| accepts(root, one, value)));
     let number_fits = value
         .as_f64()
         .is_none_or(|value| number("minimum").is_none_or(|min| value >= min) && number("maximum").is_none_or(|max| value <= max));
@@ -558,7 +498,7 @@ fn accepts(root: &serde_json::Value, schema: &serde_json::Value, value: &serde_j
                 }
             })
     });
-    types_fit && any_fits && word_fits && constant_fits && pattern_fits && number_fits && items_fit && entries_fit
+    types_fit && any_fits && all_fit && word_fits && constant_fits && pattern_fits && number_fits && items_fit && entries_fit
 }
 
 #[track_caller]
@@ -571,6 +511,32 @@ fn check_schema(text: &str, expected: bool) {
 #[test]
 fn the_schema_accepts_the_valid_scenario() {
     check_schema(VALID, true);
+}
+
+#[test]
+fn the_schema_accepts_what_the_language_offers() {
+    check_schema(&with("arm: left", "include: [parts.yaml]\nparameters: {a: 1}\nblackboard: {b: 2}"), true);
+    check_schema(&with("height_m: 0.75", "height_m: \"${table_m}\""), true);
+    check_schema(&with("robot: curi", "robot: \"${robot:-curi}\""), true);
+    check_schema(&with("attempts: 3", "attempts: \"${n}\""), true);
+    check_schema(&with("on: [lift_failed, slipped]", "on: \"${reasons}\""), true);
+    check_schema(&with("yaw_deg: 90", "yaw_rad: 1.5"), true);
+    check_schema(&with("attempts: 3", "attempts: 3\n        skip_if: n > 3\n        post: n = 1"), true);
+    check_schema(&with("{subtree: grasp_and_lift}", "{subtree: {tree: grasp_and_lift, autoremap: true, while: ok}}"), true);
+    check_schema(&with("{subtree: grasp_and_lift}", "{subtree: {tree: grasp_and_lift, autoremap: often}}"), false);
+    check_schema(&with("arm: left", "include: parts.yaml"), false);
+    check_schema(&with("height_m: 0.75", "height_m: \"$table_m\""), false);
+}
+
+#[test]
+fn the_schema_of_an_included_file_knows_parts_alone() {
+    let schema = sfg_scenario::schema(registry().models(), &vocabulary());
+    let check = |text: &str, expected: bool| {
+        let value: serde_json::Value = serde_saphyr::from_str(text).unwrap();
+        assert_eq!(accepts(&schema, &schema["$defs"]["included"], &value), expected, "{text}");
+    };
+    check("subtrees: {look: {do: observe_scene}}\nlimits: {timeout_secs: 7}\nscene: {friction: 0.5}", true);
+    check("robot: curi", false);
 }
 
 #[test]

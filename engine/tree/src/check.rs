@@ -164,6 +164,10 @@ impl<'a> Board<'a> {
         match typed().find(|one| one.port.port_type.convert.is_some()).or_else(|| typed().next()) {
             Some(one) => match literal {
                 Literal::Text(text) if self.has_untyped_texts => one.port.value_of_text(text),
+                // A constant that looks like a number may be meant for a text.
+                Literal::Int(_) | Literal::Float(_) if self.has_untyped_texts => {
+                    one.port.value_of(literal).or_else(|_number| one.port.value_of_text(&literal.to_string()))
+                }
                 _ => one.port.value_of(literal),
             },
             None => Ok(Arc::new(match literal {

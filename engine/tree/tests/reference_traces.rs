@@ -19,7 +19,9 @@ mod support;
 
 use serde_json::Value;
 use sfg_tree::xml::{ImportOptions, import};
-use sfg_tree::{Action, Failure, Halt, Literal, NodeKind, NodeSpec, Outcome, PortSpec, Progress, Registry, Status, Tick, Tree, TreeSpec, When};
+use sfg_tree::{
+    Action, Failure, Halt, Literal, NodeKind, NodeSpec, Outcome, PortSpec, Progress, Registry, Status, Tick, Tree, TreeSpec, When,
+};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use support::Events;
@@ -147,8 +149,13 @@ fn compare(case: &Value, tree: &mut Tree<Events>) -> Result<&'static str, String
         };
         if step.get("error").is_some() {
             tree.halt(&mut events);
-            let running: Vec<&String> = titles.iter().filter(|(id, _)| tree.status(*id) != Status::Idle).map(|(_, title)| title).collect();
-            return if running.is_empty() { Ok("error_becomes_failure") } else { Err(format!("not idle after an error: {running:?}")) };
+            let running: Vec<&String> =
+                titles.iter().filter(|(id, _)| tree.status(*id) != Status::Idle).map(|(_, title)| title).collect();
+            return if running.is_empty() {
+                Ok("error_becomes_failure")
+            } else {
+                Err(format!("not idle after an error: {running:?}"))
+            };
         }
         let expected: Vec<String> = step["events"]
             .as_array()
@@ -263,7 +270,8 @@ fn every_node_that_both_engines_have_gives_the_same_traces() {
                 (None, Ok(mut tree)) => match compare(case, &mut tree) {
                     Ok(compared) => compared,
                     Err(difference) => {
-                        differences.push(format!("{family} {}: {difference}\n  {} {}", case["id"], case["xml"], case["leaf_scripts"]));
+                        differences
+                            .push(format!("{family} {}: {difference}\n  {} {}", case["id"], case["xml"], case["leaf_scripts"]));
                         "different"
                     }
                 },
@@ -274,7 +282,12 @@ fn every_node_that_both_engines_have_gives_the_same_traces() {
         println!("{family}: {counts:?}");
     }
     println!("all: {totals:?}");
-    assert!(differences.is_empty(), "{} differences:\n{}", differences.len(), differences[..differences.len().min(12)].join("\n"));
+    assert!(
+        differences.is_empty(),
+        "{} differences:\n{}",
+        differences.len(),
+        differences[..differences.len().min(12)].join("\n")
+    );
     let n_whole = totals["equal"] + totals["ended_nodes_have_idle_children"];
     assert!(n_whole > 3_200, "only {n_whole} of 3978 cases are compared whole");
 }
@@ -285,7 +298,8 @@ fn no_child_of_a_reactive_node_starts_while_another_runs() {
     let Some(folder) = folder() else { return };
     let mut n_compared = 0;
     for (family, cases) in cases(&folder) {
-        let overlaps = |case: &&Value| labels(case).contains("reactive_overlap") && !case["xml"].as_str().unwrap().contains("Parallel");
+        let overlaps =
+            |case: &&Value| labels(case).contains("reactive_overlap") && !case["xml"].as_str().unwrap().contains("Parallel");
         for case in cases.iter().filter(overlaps) {
             let mut tree = registry(&["arm"]).build(&spec_of(case).unwrap()).unwrap();
             let titles = titles_of(&tree);
@@ -304,7 +318,11 @@ fn no_child_of_a_reactive_node_starts_while_another_runs() {
                     // A call may be the last of an activation: only what was not called in this tick surely still runs.
                     if what == "start" {
                         let overlapping: Vec<&String> = running.iter().filter(|other| *other != name).collect();
-                        assert!(overlapping.is_empty(), "{family} {} step {step_idx}: {name} starts while {overlapping:?} run", case["id"]);
+                        assert!(
+                            overlapping.is_empty(),
+                            "{family} {} step {step_idx}: {name} starts while {overlapping:?} run",
+                            case["id"]
+                        );
                     }
                     running.remove(name);
                 }

@@ -87,7 +87,7 @@ fn values_of_built_in_nodes() {
     check("<Timeout msec='-1'><A/></Timeout>", "3:16: \"-1\": expected whole milliseconds from 0 to 4294967295");
     check(
         "<Precondition if='a' else='failure'><A/></Precondition>",
-        "3:28: \"failure\": expected one of FAILURE, SUCCESS, SKIPPED",
+        "3:28: \"failure\": expected one of FAILURE, SUCCESS, SKIPPED, RUNNING",
     );
     check("<RunOnce then_skip='yes'><A/></RunOnce>", "3:21: \"yes\": expected true or false");
     check("<RateController hz='fast'><A/></RateController>", "3:21: \"fast\": expected a finite number");
@@ -210,6 +210,8 @@ fn sizes() {
     let small = ImportOptions { n_bytes_max: 20, ..ImportOptions::default() };
     check_with("<root BTCPP_format='4'/>", &small, &["1:1: \"\": the files have more than 20 bytes"]);
     let attributes: String = (0..5000).map(|number| format!(" a{number}='1'")).collect();
+    check_file(&tree(&format!("<A{attributes}/>")), &["2:39859: \"\": more than 4096 attributes of an element"]);
+    let attributes: String = (0..5000).map(|number| format!(" a{number}='<'")).collect();
     check_file(&tree(&format!("<A{attributes}/>")), &["2:39859: \"\": more than 4096 attributes of an element"]);
     let many = tree(&"<A p='{'/><A p='{}'/>".repeat(5000));
     assert_eq!(import(&many, &ImportOptions::default()).err().map(|problems| problems.len()), Some(1000));

@@ -194,7 +194,8 @@ fn without_locations(spec: &mut TreeSpec) {
 
 #[test]
 fn a_written_tree_reads_as_itself() {
-    let find = NodeModel::new("find", NodeClass::Action, vec![PortSpec::output::<Vec<f64>>("heights")]);
+    let mut find = NodeModel::new("find", NodeClass::Action, vec![PortSpec::output::<Vec<f64>>("heights")]);
+    find.doc("Says < & > \"to\" an editor.");
     let mut numbers = Numbers(1);
     let mut n_refused = 0;
     for round in 0..2_000 {

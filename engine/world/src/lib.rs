@@ -28,7 +28,7 @@ pub mod world;
 
 pub use cameras::{Cameras, Viewpoint};
 pub use error::WorldError;
-pub use judge::{GraspAsked, JudgeReport, PREDICATES, Predicate, PredicateSpec, Verdict};
+pub use judge::{ArgKind, GraspAsked, JudgeReport, PREDICATES, Predicate, PredicateSpec, Verdict};
 pub use scene::{ObjectSpec, SceneSpec, TableSpec, WorldSettings, load_object_model};
 pub use share::{JudgeHandle, ProprioceptiveState, RobotPort};
 pub use truth::{ContactTruth, ObjectTruth, Truth, TruthPoison};

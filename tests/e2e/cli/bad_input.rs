@@ -204,6 +204,7 @@ fn an_object_out_of_reach_ends_the_tree_with_a_reason_for_each_candidate() {
     fs::write(folder.path().join("far.yaml"), far).unwrap();
     let ended = sfg(folder.path(), &["run", "far.yaml", "--out", "out"]).ended_with(3);
     assert!(ended.stdout.contains("failed: no_candidate_reachable at "), "{ended:#?}");
+    assert!(ended.stdout.contains("\nsee scenarios/FAILURES.md#no_candidate_reachable\n"), "{ended:#?}");
     let report = read_json(&folder.path().join("out/report.json"));
     assert_eq!(report["outcome"], "tree_failure");
     assert_eq!(report["failure"]["reason"], "no_candidate_reachable");

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests fail by panicking and say what they pass over")]
 
 mod bad_input;
+mod language;
 mod recording;
 mod runs;
 mod sweeps;

@@ -109,5 +109,5 @@ fn ranges_that_make_no_sense_are_refused() {
     check(&[], "give --seeds A..B or --seeds-from-commit N");
     check(&["--seeds", "5..1"], "--seeds \"5..1\" is no range; write for example 1..20");
     check(&["--seeds", "0..18446744073709551615"], "at most 1000000 seeds");
-    sfg(folder.path(), &["sweep", "nowhere.yaml", "--seeds", "1..1"]).refused(5, &["cannot read nowhere.yaml"]);
+    sfg(folder.path(), &["sweep", "nowhere.yaml", "--seeds", "1..1"]).refused(2, &["cannot read \"nowhere.yaml\""]);
 }

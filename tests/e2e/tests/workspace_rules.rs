@@ -32,6 +32,7 @@ const ALLOWED_USES: &[(&str, &str)] = &[
     ("app", "*"),
     ("centre-pose", "plugin-abi"),
     ("e2e", ""),
+    ("fuzz", "scenario tree"),
 ];
 
 /// What may lie at the top of the repository: the user's folders, the papers, tool configuration.

@@ -2,7 +2,7 @@
 
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
-use sfg_scenario::{Scenario, Vocabulary};
+use sfg_scenario::{Scenario, Settings, Vocabulary};
 use sfg_tree::xml::{ImportOptions, export, import};
 use sfg_tree::{NodeSpec, Registry, TreeSpec};
 use std::path::Path;
@@ -36,15 +36,68 @@ impl Target {
     fn words(self) -> &'static [&'static str] {
         match self {
             Self::Yaml => &[
-                "tree:", "sequence:", "- ", "retry:", "subtree: ", "{", "}", "[", "]", "&a ", "*a", "<<: *a", "!!str ", "|", ">", "? ", ": ", "\"{", "}\"",
-                "${x}", "${", "_deg", "include:", "parameters:", ".nan", ".inf", "1e999", "-", "#", "\t", "---", "...", "'", "\\u0000",
+                "tree:",
+                "sequence:",
+                "- ",
+                "retry:",
+                "subtree: ",
+                "{",
+                "}",
+                "[",
+                "]",
+                "&a ",
+                "*a",
+                "<<: *a",
+                "!!str ",
+                "|",
+                ">",
+                "? ",
+                ": ",
+                "\"{",
+                "}\"",
+                "${x}",
+                "${",
+                "_deg",
+                "include:",
+                "parameters:",
+                ".nan",
+                ".inf",
+                "1e999",
+                "-",
+                "#",
+                "\t",
+                "---",
+                "...",
+                "'",
+                "\\u0000",
             ],
             Self::Xml => &[
-                "<root>", "</root>", "<BehaviorTree ID=\"A\">", "</BehaviorTree>", "<Sequence>", "</Sequence>", "<SubTree ID=\"A\"/>", "<Switch2 ",
-                "_skipIf=\"", "name=\"", "{=}", "{@a}", "&lt;", "&#0;", "<!--", "-->", "<![CDATA[", "]]>", "<!DOCTYPE a [<!ENTITY b \"c\">]>", "<?xml ?>", "\"", "/>",
+                "<root>",
+                "</root>",
+                "<BehaviorTree ID=\"A\">",
+                "</BehaviorTree>",
+                "<Sequence>",
+                "</Sequence>",
+                "<SubTree ID=\"A\"/>",
+                "<Switch2 ",
+                "_skipIf=\"",
+                "name=\"",
+                "{=}",
+                "{@a}",
+                "&lt;",
+                "&#0;",
+                "<!--",
+                "-->",
+                "<![CDATA[",
+                "]]>",
+                "<!DOCTYPE a [<!ENTITY b \"c\">]>",
+                "<?xml ?>",
+                "\"",
+                "/>",
             ],
             Self::Script => &[
-                ":=", "+=", "==", "!=", "&&", "||", "?", ":", "(", ")", "'", "\"", "\\", "-", "--", "!", "..", "${", "%{", "[", "{", "\n", "#", "//", "@a", "a.b", "1e309", "0x1", "null", ";",
+                ":=", "+=", "==", "!=", "&&", "||", "?", ":", "(", ")", "'", "\"", "\\", "-", "--", "!", "..", "${", "%{", "[",
+                "{", "\n", "#", "//", "@a", "a.b", "1e309", "0x1", "null", ";",
             ],
         }
     }
@@ -54,7 +107,14 @@ impl Target {
         match self {
             Self::Yaml => {
                 let registry = Registry::<()>::new();
-                drop(Scenario::parse(Path::new("fuzz.yaml"), input.to_owned(), &registry, &Vocabulary::default()));
+                let parsed = Scenario::parse(
+                    Path::new("fuzz.yaml"),
+                    input.to_owned(),
+                    &Settings::default(),
+                    &registry,
+                    &Vocabulary::default(),
+                );
+                drop(parsed);
             }
             Self::Xml => {
                 let Ok(imported) = import(input, &ImportOptions::default()) else { return };
@@ -88,17 +148,27 @@ fn run(registry: &Registry<()>, spec: &TreeSpec) {
     }
 }
 
-/// The inputs in the corpus of a target, by file name.
+/// The inputs that mutants of a target are made from, by file name: its corpus, shipped scenarios, trees of tests.
 ///
 /// # Errors
-/// When the folder cannot be read.
+/// When a folder cannot be read.
 pub fn corpus(target: Target) -> std::io::Result<Vec<(String, String)>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target.name());
+    let others: &[&str] = match target {
+        Target::Yaml => &["../../scenarios", "../e2e/scenarios"],
+        Target::Xml => &["../../engine/tree/tests/xml"],
+        Target::Script => &[],
+    };
+    let own = format!("corpus/{}", target.name());
     let mut inputs = Vec::new();
-    for entry in std::fs::read_dir(folder)? {
-        let path = entry?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        inputs.push((name, String::from_utf8_lossy(&std::fs::read(&path)?).into_owned()));
+    for folder in others.iter().copied().chain([own.as_str()]) {
+        for entry in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(folder))? {
+            let path = entry?.path();
+            let is_input = path.extension().is_some_and(|extension| extension == target.name() || extension == "txt");
+            if is_input && path.is_file() {
+                let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                inputs.push((name, String::from_utf8_lossy(&std::fs::read(&path)?).into_owned()));
+            }
+        }
     }
     inputs.sort();
     Ok(inputs)

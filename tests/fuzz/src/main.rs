@@ -50,7 +50,11 @@ fn main() -> ExitCode {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    println!("{name}: {n_inputs} inputs from seed {seed}, no crash; the longest took {:.1} ms ({} bytes)", longest.0.as_secs_f64() * 1e3, longest.1.len());
+    println!(
+        "{name}: {n_inputs} inputs from seed {seed}, no crash; the longest took {:.1} ms ({} bytes)",
+        longest.0.as_secs_f64() * 1e3,
+        longest.1.len()
+    );
     ExitCode::SUCCESS
 }
 

@@ -283,7 +283,7 @@ impl<'a> Exporter<'a> {
         }
         let is_theirs = names::find(name).is_some() || names::version_3(name).is_some();
         let taken = is_theirs.then_some(XmlFault::ReservedName);
-        self.check_name(node.location, name, names::name_fault(name).or(taken));
+        self.check_name(node.location, name, names::node_fault(name).or(taken));
         let element = if is_element(name) {
             name
         } else {
@@ -398,7 +398,8 @@ mod tests {
     use crate::spec::{SubtreePort, When};
 
     fn models() -> Vec<NodeModel> {
-        let find = NodeModel::new("find", NodeClass::Action, vec![PortSpec::output::<Vec<f64>>("heights")]);
+        let mut find = NodeModel::new("find", NodeClass::Action, vec![PortSpec::output::<Vec<f64>>("heights")]);
+        find.doc("");
         vec![find]
     }
 

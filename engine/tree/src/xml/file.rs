@@ -2,6 +2,7 @@
 
 use super::names;
 use super::problem::{XmlFault, XmlPlace, XmlProblem, excerpt};
+use super::text::{excess, repaired};
 use super::{ImportOptions, Place, XmlModel};
 use crate::nearest::nearest;
 use crate::spec::SubtreeSpec;
@@ -11,9 +12,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// More mistakes than this help nobody.
 const N_PROBLEMS_MAX: usize = 1000;
-/// The parser compares each attribute of an element with all others, and copies namespaces to each element.
-const N_ATTRIBUTES_MAX: usize = 4096;
-const N_NAMESPACES_MAX: usize = 64;
 /// Places count bytes in 32 bits, and repairing a file lengthens it.
 const N_BYTES_MAX: usize = 512 << 20;
 const N_FILES_MAX: usize = 256;
@@ -82,6 +80,8 @@ impl<'o> Importer<'o> {
         }
         self.files.push(path.clone());
         self.open.push(path);
+        // An element with a few attributes: about one place in 16 bytes.
+        self.places.reserve(text.len() / 16);
         let mut reader = Reader { importer: self, file: index(file), spots: Vec::with_capacity(text.len() / 16) };
         let shifts = reader.read(text);
         let spots = std::mem::take(&mut reader.spots);
@@ -224,6 +224,11 @@ impl Reader<'_, '_> {
         };
         // BehaviorTree.CPP's own examples have scripts such as `a && b` and `a < b`, which its parser lets pass.
         let repaired = repaired(text);
+        if let Some((offset, fault)) = excess(&repaired.text) {
+            let location = self.at(offset);
+            self.importer.problem(location, "", fault, "no tree needs so many");
+            return repaired.shifts;
+        }
         match Document::parse(&repaired.text) {
             Ok(document) => self.root(document.root_element()),
             // There the letter was not the mistake.
@@ -362,92 +367,6 @@ fn joined(from: &str, path: &str) -> String {
     format!("{}{}", if path.starts_with('/') { "/" } else { "" }, parts.join("/"))
 }
 
-/// Where `text` has more attributes or namespaces than the parser takes in reasonable time.
-fn excess(text: &str) -> Option<(usize, XmlFault)> {
-    if let Some((offset, _)) = text.match_indices("xmlns").nth(N_NAMESPACES_MAX) {
-        return Some((offset, XmlFault::TooMany { what: "namespaces", limit: N_NAMESPACES_MAX }));
-    }
-    let mut start = 0;
-    for element in text.split('<') {
-        // An attribute has five bytes at least, so that nearly every element is known to be small without looking.
-        if element.len() / 5 > N_ATTRIBUTES_MAX {
-            let bytes = element.as_bytes();
-            // Not the lines that some draw with it in comments.
-            let is_sign = |at: &usize| bytes[*at] == b'=' && (*at == 0 || bytes[at - 1] != b'=');
-            if let Some(at) = (0..bytes.len()).filter(is_sign).nth(N_ATTRIBUTES_MAX) {
-                return Some((start + at, XmlFault::TooMany { what: "attributes of an element", limit: N_ATTRIBUTES_MAX }));
-            }
-        }
-        start += element.len() + 1;
-    }
-    None
-}
-
-/// A text with every bare `&`, and every `<` in an attribute, written as XML wants it.
-struct Repaired {
-    text: String,
-    /// From this byte on, so many bytes were added.
-    shifts: Vec<(usize, usize)>,
-    /// Byte, letter, how to write it.
-    letters: Vec<(usize, &'static str, &'static str)>,
-}
-
-fn repaired(text: &str) -> Repaired {
-    let bytes = text.as_bytes();
-    let mut repaired = Repaired { text: String::with_capacity(text.len() + 64), shifts: Vec::new(), letters: Vec::new() };
-    let (mut copied, mut at, mut is_tag, mut quote) = (0, 0, false, None);
-    while at < bytes.len() {
-        let rest = &text[at..];
-        let end_of = |end: &str| rest.find(end).map_or(rest.len(), |found| found + end.len());
-        let mut replace = |letter, expected: &'static str| {
-            repaired.text.push_str(&text[copied..at]);
-            repaired.letters.push((repaired.text.len(), letter, expected));
-            let added = repaired.shifts.last().map_or(0, |last| last.1) + expected.len() - 1;
-            repaired.shifts.push((repaired.text.len(), added));
-            repaired.text.push_str(expected);
-            copied = at + 1;
-        };
-        let step = match (bytes[at], quote) {
-            (b'<', None) if rest.starts_with("<!--") => end_of("-->"),
-            (b'<', None) if rest.starts_with("<![CDATA[") => end_of("]]>"),
-            (b'<', None) if rest.starts_with("<?") => end_of("?>"),
-            (b'&', _) if !is_reference(rest) => {
-                replace("&", "&amp;");
-                1
-            }
-            (b'<', Some(_)) => {
-                replace("<", "&lt;");
-                1
-            }
-            (b'<' | b'>', None) => {
-                is_tag = bytes[at] == b'<';
-                1
-            }
-            (letter, Some(open)) if letter == open => {
-                quote = None;
-                1
-            }
-            (letter @ (b'"' | b'\''), None) if is_tag => {
-                quote = Some(letter);
-                1
-            }
-            _ => rest.chars().next().map_or(1, char::len_utf8),
-        };
-        at += step;
-    }
-    repaired.text.push_str(&text[copied..]);
-    repaired
-}
-
-/// Whether `text` begins with a reference that every XML parser knows.
-fn is_reference(text: &str) -> bool {
-    let Some(name) = text[1..].bytes().take(12).position(|byte| byte == b';').map(|end| &text[1..=end]) else { return false };
-    match name.strip_prefix('#') {
-        Some(number) => number.bytes().all(|byte| byte.is_ascii_hexdigit() || byte == b'x'),
-        None => matches!(name, "amp" | "lt" | "gt" | "quot" | "apos"),
-    }
-}
-
 #[expect(clippy::cast_possible_truncation, reason = "bounded by the size of the files")]
 pub(super) fn index(count: usize) -> u32 {
     count as u32
@@ -470,19 +389,5 @@ mod tests {
         check("parts/doors.xml", "../main.xml", "main.xml");
         check("parts/doors.xml", "../../up.xml", "../up.xml");
         check("parts/doors.xml", "/all/doors.xml", "/all/doors.xml");
-    }
-
-    #[track_caller]
-    fn repairs(text: &str, expected: &str) {
-        assert_eq!(repaired(text).text, expected);
-    }
-
-    #[test]
-    fn bare_letters_are_written_as_xml_wants() {
-        repairs("<a b='x && y'/>", "<a b='x &amp;&amp; y'/>");
-        repairs("<a b=\"x < 'y'\" c='>'>&t;</a>", "<a b=\"x &lt; 'y'\" c='>'>&amp;t;</a>");
-        repairs("<a b='&lt;&#38;&#x26;&quot;'/>", "<a b='&lt;&#38;&#x26;&quot;'/>");
-        repairs("<!-- don't & --><a/>", "<!-- don't & --><a/>");
-        repairs("<![CDATA[ & ]]>\u{fc}&", "<![CDATA[ & ]]>\u{fc}&amp;");
     }
 }

@@ -49,7 +49,7 @@ impl Reader<'_, '_> {
         let is_only = element.parent_element().is_some_and(|root| root.children().filter(Node::is_element).count() == 1);
         let name = match element.attribute_node("ID") {
             Some(id) => {
-                self.check_name(id.range_value().start, id.value());
+                self.check_name(id.range_value().start, id.value(), names::name_fault);
                 if names::find(id.value()).is_some() {
                     self.value_problem(id, XmlFault::ReservedName, "a node has this name; rename the tree");
                 }
@@ -160,14 +160,14 @@ impl Reader<'_, '_> {
         }
         let built_in = names::find(name);
         if class == Some(NodeClass::Subtree) {
-            self.check_name(offset, name);
+            self.check_name(offset, name, names::name_fault);
             let location = self.at(offset);
             if built_in.is_some() {
                 self.importer.problem(location, name, XmlFault::ReservedName, "a node has this name; rename the tree");
             }
             self.importer.uses.push((name.to_owned(), location));
         } else if built_in.is_none() {
-            self.check_name(offset, name);
+            self.check_name(offset, name, names::node_fault);
             if names::is_ours(name) {
                 let help = match names::find_ours(name) {
                     Some(theirs) => format!("write {}, or rename the node if it is another", theirs.theirs),
@@ -181,8 +181,8 @@ impl Reader<'_, '_> {
         Some(Head { name, class, built_in: built_in.filter(|_| class != Some(NodeClass::Subtree)), cases: None, given })
     }
 
-    pub(super) fn check_name(&mut self, offset: usize, name: &str) {
-        if let Some(fault) = names::name_fault(name) {
+    pub(super) fn check_name(&mut self, offset: usize, name: &str, fault: fn(&str) -> Option<XmlFault>) {
+        if let Some(fault) = fault(name) {
             let location = self.at(offset);
             self.importer.problem(location, name, fault, "rename it; letters, digits, _ and - are allowed");
         }

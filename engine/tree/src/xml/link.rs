@@ -37,7 +37,9 @@ impl Importer<'_> {
             // What kept the trees from being read is known already.
             None if self.trees.is_empty() && self.has_problems() => return None,
             None => {
-                self.problem(0, "root", XmlFault::NoMainTree, "write main_tree_to_execute=\"...\" into <root>");
+                let names: Vec<&str> = names.iter().take(10).map(String::as_str).collect();
+                let help = format!("name one of {}, or write main_tree_to_execute=\"...\" into <root>", names.join(", "));
+                self.problem(0, "root", XmlFault::NoMainTree, help);
                 return None;
             }
         };

@@ -23,6 +23,7 @@ mod link;
 mod models;
 mod names;
 mod problem;
+mod text;
 mod value;
 
 pub use export::export;

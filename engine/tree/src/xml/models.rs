@@ -62,7 +62,7 @@ impl Reader<'_, '_> {
                 self.element_problem(element, XmlFault::MissingAttribute { attribute: "ID" }, help);
                 continue;
             };
-            self.check_name(id.range_value().start, id.value());
+            self.check_name(id.range_value().start, id.value(), names::name_fault);
             let location = self.at(element.range().start);
             let ports = self.model_ports(element, class);
             let model = XmlModel { name: id.value().to_owned(), class, ports, location };
@@ -91,7 +91,8 @@ impl Reader<'_, '_> {
             let direction = match child.tag_name().name() {
                 "input_port" => Direction::In,
                 "output_port" => Direction::Out,
-                "inout_port" => Direction::InOut,
+                // The second is what Nav2's palette calls it.
+                "inout_port" | "bidirectional_port" => Direction::InOut,
                 "MetadataFields" => continue,
                 name => {
                     let near = nearest(name, ["input_port", "output_port", "inout_port"]);
@@ -290,11 +291,16 @@ mod tests {
 
     #[test]
     fn a_palette_says_what_an_editor_needs() {
-        let mut lift = NodeModel::new("lift", NodeClass::Action, vec![
+        let mut lift = NodeModel::new(
+            "lift",
+            NodeClass::Action,
+            vec![
                 PortSpec::setting::<f64>("height_m").default_value(0.12).doc("Above the table & not < 0."),
                 PortSpec::input::<std::path::PathBuf>("plan"),
                 PortSpec::output::<Vec<f64>>("joints"),
-            ]);
+            ],
+        );
+        lift.doc("");
         let expected = r#"<root BTCPP_format="4">
   <TreeNodesModel>
     <Action ID="lift">

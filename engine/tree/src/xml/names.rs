@@ -122,7 +122,10 @@ const OURS_ONLY: &[&str] = &["recover", "rate_limit"];
 
 /// The node that BehaviorTree.CPP calls so.
 pub(super) fn find(theirs: &str) -> Option<&'static BuiltIn> {
-    BUILT_INS.binary_search_by_key(&theirs, |node| node.theirs).ok().map(|node_idx| &BUILT_INS[node_idx])
+    // Most names differ in the first letter, which is cheaper than a call to compare them whole.
+    let first = theirs.bytes().next();
+    let found = BUILT_INS.binary_search_by(|node| node.theirs.bytes().next().cmp(&first).then_with(|| node.theirs.cmp(theirs)));
+    found.ok().map(|node_idx| &BUILT_INS[node_idx])
 }
 
 /// The first node of BehaviorTree.CPP that is our `ours`.
@@ -191,11 +194,15 @@ pub(super) fn when_of(attribute: &str) -> Option<When> {
     When::ALL.into_iter().find(|when| attribute_of(*when) == attribute)
 }
 
-/// Why `name` cannot name a node or a tree in BehaviorTree.CPP.
+/// Why `name` cannot name a tree in BehaviorTree.CPP.
 pub(super) fn name_fault(name: &str) -> Option<XmlFault> {
-    let is_reserved =
-        matches!(name, "" | "Root" | "root" | "BehaviorTree" | "TreeNodesModel" | "include") || class_of(name).is_some();
-    if is_reserved { Some(XmlFault::ReservedName) } else { letter_fault(name) }
+    if matches!(name, "" | "Root" | "root") { Some(XmlFault::ReservedName) } else { letter_fault(name) }
+}
+
+/// Why `name` cannot name a node in BehaviorTree.CPP.
+pub(super) fn node_fault(name: &str) -> Option<XmlFault> {
+    let is_element = matches!(name, "BehaviorTree" | "TreeNodesModel" | "include") || class_of(name).is_some();
+    if is_element { Some(XmlFault::ReservedName) } else { name_fault(name) }
 }
 
 /// Why `name` cannot name a port in BehaviorTree.CPP.
@@ -253,6 +260,8 @@ mod tests {
     fn reserved_names() {
         assert_eq!(name_fault("Root"), Some(XmlFault::ReservedName));
         assert_eq!(name_fault(""), Some(XmlFault::ReservedName));
+        assert_eq!(name_fault("BehaviorTree"), None);
+        assert_eq!(node_fault("BehaviorTree"), Some(XmlFault::ReservedName));
         assert_eq!(port_fault("ID"), Some(XmlFault::ReservedName));
         assert_eq!(port_fault("2nd"), Some(XmlFault::PortName));
     }
