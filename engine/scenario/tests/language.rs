@@ -350,26 +350,28 @@ fn a_port_takes_degrees() {
 
 #[test]
 fn conditions_stand_beside_ports() {
-    let scenario =
-        tree("  sequence:\n    do: [{turn: {angle_deg: 1, skip_if: \"n > 3\", post: \"n = 1\"}}]\n    while: true").unwrap();
+    let scenario = tree(
+        "  sequence:\n    do: [{turn: {angle_deg: 1, skip_if: \"n > 3\", post: \"n = 1\"}}]\n    while: true\nblackboard: {n: 0}",
+    )
+    .unwrap();
     let conditions = |node: &sfg_tree::NodeSpec| node.conditions.iter().map(|c| (c.when, c.script.clone())).collect::<Vec<_>>();
     assert_eq!(conditions(&scenario.tree.root), [(When::While, "true".to_owned())]);
     let turn = &scenario.tree.root.children[0];
     assert_eq!(conditions(turn), [(When::SkipIf, "n > 3".to_owned()), (When::Post, "n = 1".to_owned())]);
     assert_eq!(scenario.place(turn.conditions[0].location).unwrap().column, 41);
     for when in When::ALL {
-        let text = format!("  inverter: {{{}: \"a\", do: is_held}}", when.name());
+        let text = format!("  inverter: {{{}: \"a\", do: is_held}}\nblackboard: {{a: true}}", when.name());
         assert_eq!(conditions(&tree(&text).unwrap().tree.root), [(when, "a".to_owned())]);
     }
     check_tree("  turn: {angle_deg: 1, skip_if: 3}", &["6:33 skip_if: expected a script such as \"n > 3\", found 3"]);
-    check_tree("  inverter: {skip_if: \"a\"}", &["6:3 \"inverter\" takes exactly one child, found 0"]);
+    check_tree("  inverter: {skip_if: \"true\"}", &["6:3 \"inverter\" takes exactly one child, found 0"]);
     check_tree("  turn: {angle_deg: 1, skipif: \"a\"}", &["6:24 \"turn\" has no port \"skipif\" | its ports are angle_rad"]);
 }
 
 #[test]
 fn a_subtree_can_share_all_keys() {
     let subtrees = "\nsubtrees:\n  look: {do: observe_scene}";
-    let scenario = tree(&format!("  subtree: {{tree: look, autoremap: true, skip_if: \"a\"}}{subtrees}")).unwrap();
+    let scenario = tree(&format!("  subtree: {{tree: look, autoremap: true, skip_if: \"true\"}}{subtrees}")).unwrap();
     assert!(scenario.tree.root.is_autoremapped && scenario.tree.root.conditions.len() == 1);
     check_tree(
         &format!("  subtree: {{tree: look, autoremap: all}}{subtrees}"),
@@ -424,7 +426,7 @@ fn nodes_that_are_never_reached() {
         "  sequence: [{subtree: stop}, observe_scene]\nsubtrees:\n  stop: {do: {fallback: [always_failure, always_failure]}}",
         &[&format!("6:31 \"observe_scene\" {}", wall("stop", "succeed"))],
     );
-    check_tree("  fallback: [{force_success: {do: is_held, skip_if: \"a\"}}, observe_scene]", &[]);
+    check_tree("  fallback: [{force_success: {do: is_held, skip_if: \"a\"}}, observe_scene]\nblackboard: {a: true}", &[]);
     check_tree("  sequence: [{repeat: {times: 3, do: wait}}, observe_scene]", &[]);
     check_tree("  fallback: [{inverter: is_held}, {retry: {attempts: 2, do: is_held}}, observe_scene]", &[]);
 }

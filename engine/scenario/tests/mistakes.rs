@@ -112,7 +112,7 @@ fn wrong_types() {
     check(
         "attempts: 3",
         "attempts: often",
-        &["26:19 port \"attempts\": expected a whole number, found \"often\" | How often the child is tried."],
+        &["26:19 port \"attempts\": expected a whole number, found \"often\" | How often the child is tried; -1 without end."],
     );
     check("fraction: 0.8", "fraction: [1]", &["29:56 port \"fraction\": expected a number, found a list of 1"]);
     check("version: 1", "version: 2", &["2:10 version: expected 1, found 2"]);

@@ -83,7 +83,10 @@ impl<'a> Board<'a> {
         self.check_dangling(tree, &mut errors);
         for one in &self.uses {
             let Some(settled) = &settled[one.slot as usize] else {
-                if let Some(field) = one.fields.first() {
+                // Of a key that nothing writes enough has been said.
+                if let Some(field) = one.fields.first()
+                    && self.uses.iter().any(|other| other.slot == one.slot && other.port.direction.writes())
+                {
                     let (port, type_name) = (one.label.to_owned(), "a value of unknown type".to_owned());
                     errors.push(error_at(tree, one, Problem::UnknownField { port, type_name, field: field.clone() }, None));
                 }

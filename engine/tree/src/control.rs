@@ -82,9 +82,10 @@ impl<C> Tree<C> {
                 self.nodes[id as usize].cursor = NONE;
             }
             if status == Status::Running {
-                for other_idx in 0..self.nodes[id as usize].n_children {
+                // Children before it are done; of those after it only the one that ran can be other than idle.
+                for other_idx in (0..child_idx).chain((running_idx != NONE && running_idx > child_idx).then_some(running_idx)) {
                     let other = self.child(id, other_idx);
-                    if other_idx != child_idx && self.nodes[other as usize].status != Status::Idle {
+                    if self.nodes[other as usize].status != Status::Idle {
                         self.halt_node(other, context);
                     }
                 }

@@ -495,6 +495,7 @@ fn to_hcl(text: &str, piece: Range<usize>) -> Result<(String, Vec<usize>), Scrip
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
     use super::*;
     use std::collections::BTreeMap;
 

@@ -103,6 +103,9 @@ impl Target {
     }
 
     /// Reads an input. Whether it is accepted does not matter.
+    ///
+    /// # Panics
+    /// When the reader does, or when a tree that was written cannot be read: a find.
     pub fn try_out(self, input: &str) {
         match self {
             Self::Yaml => {
