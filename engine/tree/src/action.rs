@@ -113,9 +113,16 @@ impl<C> Tick<'_, C> {
     /// # Panics
     /// If the node declared no such port of this type to read.
     pub fn get<T: Any + Send + Sync + Clone>(&self, port: &str) -> Result<T, Failure> {
-        let port_idx = self.declared::<T>(port);
+        self.get_at(0, port)
+    }
+
+    /// [`get`](Self::get) for derived code, which knows at which number it declared the port.
+    #[doc(hidden)]
+    pub fn get_at<T: Any + Send + Sync + Clone>(&self, port_idx: usize, port: &str) -> Result<T, Failure> {
+        let port_idx = self.declared::<T>(port_idx, port);
         match &self.sources[port_idx] {
-            // The frequent case needs no shared handle.
+            // The frequent cases need no shared handle.
+            Source::Literal(value) => Ok(cast_ref::<T>(value.as_ref(), port).clone()),
             Source::Slot(slot) => match &self.run.board.slots[*slot as usize].value {
                 Some(value) => Ok(cast_ref::<T>(value.as_ref(), port).clone()),
                 None => Err(blackboard::empty(port)),
@@ -135,7 +142,13 @@ impl<C> Tick<'_, C> {
     /// # Panics
     /// If the node declared no such port of this type to read.
     pub fn optional<T: Any + Send + Sync>(&self, port: &str) -> Result<Option<Arc<T>>, Failure> {
-        let port_idx = self.declared::<T>(port);
+        self.optional_at(0, port)
+    }
+
+    /// [`optional`](Self::optional) for derived code, which knows at which number it declared the port.
+    #[doc(hidden)]
+    pub fn optional_at<T: Any + Send + Sync>(&self, port_idx: usize, port: &str) -> Result<Option<Arc<T>>, Failure> {
+        let port_idx = self.declared::<T>(port_idx, port);
         Ok(self.sources[port_idx].read(&self.run.board.slots)?.map(|value| cast(value, port)))
     }
 
@@ -144,7 +157,13 @@ impl<C> Tick<'_, C> {
     /// # Panics
     /// If the node declared no such port of this type to write.
     pub fn set<T: Any + Send + Sync>(&mut self, port: &str, value: T) {
-        if let Some(slot) = self.writable::<T>(port) {
+        self.set_at(0, port, value);
+    }
+
+    /// [`set`](Self::set) for derived code, which knows at which number it declared the port.
+    #[doc(hidden)]
+    pub fn set_at<T: Any + Send + Sync>(&mut self, port_idx: usize, port: &str, value: T) {
+        if let Some(slot) = self.writable::<T>(port_idx, port) {
             self.run.board.write(slot, value, self.run.now_secs);
             self.note_write(slot);
         }
@@ -155,7 +174,7 @@ impl<C> Tick<'_, C> {
     /// # Panics
     /// If the node declared no such port of this type to write.
     pub fn set_shared<T: Any + Send + Sync>(&mut self, port: &str, value: Arc<T>) {
-        if let Some(slot) = self.writable::<T>(port) {
+        if let Some(slot) = self.writable::<T>(0, port) {
             self.run.board.put(slot, Some(value), self.run.now_secs);
             self.note_write(slot);
         }
@@ -167,7 +186,7 @@ impl<C> Tick<'_, C> {
     /// If the node declared no such port.
     #[must_use]
     pub fn stamp(&self, port: &str) -> Option<Stamp> {
-        self.sources[self.port_idx(port)].slot().map(|slot| self.run.board.stamp(slot))
+        self.sources[self.port_idx(0, port)].slot().map(|slot| self.run.board.stamp(slot))
     }
 
     /// Wakes the owner of the tree from another thread, so that the next tick comes before its period.
@@ -188,21 +207,25 @@ impl<C> Tick<'_, C> {
         }
     }
 
-    fn port_idx(&self, port: &str) -> usize {
+    /// The number of a port, which is the expected one unless the node declared its ports in another order.
+    fn port_idx(&self, expected_idx: usize, port: &str) -> usize {
+        if self.ports.get(expected_idx).is_some_and(|spec| spec.name == port) {
+            return expected_idx;
+        }
         let Some(port_idx) = self.ports.iter().position(|spec| spec.name == port) else {
             panic!("port {port:?} is not declared");
         };
         port_idx
     }
 
-    fn writable<T: Any>(&self, port: &str) -> Option<u32> {
-        let port_idx = self.declared::<T>(port);
+    fn writable<T: Any>(&self, port_idx: usize, port: &str) -> Option<u32> {
+        let port_idx = self.declared::<T>(port_idx, port);
         assert!(self.ports[port_idx].direction.writes(), "port {port:?} is declared as an input and was written");
         self.sources[port_idx].slot()
     }
 
-    fn declared<T: Any>(&self, port: &str) -> usize {
-        let port_idx = self.port_idx(port);
+    fn declared<T: Any>(&self, expected_idx: usize, port: &str) -> usize {
+        let port_idx = self.port_idx(expected_idx, port);
         let port_type = &self.ports[port_idx].port_type;
         assert!(
             port_type.id == TypeId::of::<T>(),

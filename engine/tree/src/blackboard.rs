@@ -146,7 +146,7 @@ pub(crate) fn to_literal(value: &Value, port_type: Option<&PortType>) -> Option<
     port_type?.to_literal.as_ref()?(&**value)
 }
 
-/// A value as a literal, where its type has any such form; it may be large.
+/// A value as a literal, where its type has any such form.
 pub(crate) fn to_form(value: &Value, port_type: Option<&PortType>, forms: &HashMap<TypeId, Form>) -> Option<Literal> {
     match forms.get(&(**value).type_id()) {
         Some(form) => (form.to)(&**value),

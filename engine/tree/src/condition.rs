@@ -12,8 +12,9 @@
 //!
 //! A script that fails makes its node fail with reason `script_failed`; after a halt the failure is only noted.
 
-use crate::blackboard::{Source, to_entry};
-use crate::script::{Names, Scalar, Statement, scalar_of};
+use crate::blackboard::{Source, to_entry, to_literal};
+use crate::port::{PortType, Value};
+use crate::script::{Names, Scalar, Statement, scalar_of, scalar_of_literal};
 use crate::spec::When;
 use crate::status::{Failure, Status, reason};
 use crate::tree::{NONE, NodeId, Runtime, Tree};
@@ -34,6 +35,22 @@ struct SourceNames<'a> {
     sources: &'a [Source],
     run: &'a Runtime,
     slot_keys: &'a [String],
+    slot_types: &'a [Option<PortType>],
+}
+
+impl SourceNames<'_> {
+    /// A value of a type of the application that files can give, such as a word out of a list.
+    fn by_form(&self, value: &Value, slot: u32) -> Option<Scalar<'static>> {
+        owned(scalar_of_literal(&to_literal(value, self.slot_types[slot as usize].as_ref())?))
+    }
+}
+
+fn owned(scalar: Option<Scalar<'_>>) -> Option<Scalar<'static>> {
+    Some(match scalar? {
+        Scalar::Text(text) => Scalar::Text(Cow::Owned(text.into_owned())),
+        Scalar::Number(number) => Scalar::Number(number),
+        Scalar::Bool(value) => Scalar::Bool(value),
+    })
 }
 
 impl Names for SourceNames<'_> {
@@ -44,16 +61,13 @@ impl Names for SourceNames<'_> {
             let Some(value) = &self.run.board.slots[*slot as usize].value else {
                 return Err(format!("blackboard key {:?} has no value yet", key()));
             };
-            return scalar_of(&**value).ok_or_else(|| format!("blackboard key {:?} holds no number, text or truth", key()));
+            return scalar_of(&**value)
+                .or_else(|| self.by_form(value, *slot))
+                .ok_or_else(|| format!("blackboard key {:?} holds no number, text or truth", key()));
         }
         let value = source.read(&self.run.board.slots).map_err(|failure| failure.to_string())?;
         let Some(value) = value else { return Err(format!("blackboard key {:?} has no value yet", key())) };
-        match scalar_of(&*value) {
-            Some(Scalar::Text(text)) => Ok(Scalar::Text(Cow::Owned(text.into_owned()))),
-            Some(Scalar::Number(number)) => Ok(Scalar::Number(number)),
-            Some(Scalar::Bool(value)) => Ok(Scalar::Bool(value)),
-            None => Err(format!("the field of blackboard key {:?} is no number, text or truth", key())),
-        }
+        owned(scalar_of(&*value)).ok_or_else(|| format!("the field of blackboard key {:?} is no number, text or truth", key()))
     }
 }
 
@@ -65,7 +79,7 @@ impl<C> Tree<C> {
         let sources = &self.sources[script.first_source as usize..];
         let mut truth = Ok(true);
         for statement in &script.statements {
-            let names = SourceNames { sources, run: &self.run, slot_keys: &self.slot_keys };
+            let names = SourceNames { sources, run: &self.run, slot_keys: &self.slot_keys, slot_types: &self.slot_types };
             let value = statement.value.eval(&names).map_err(fail)?;
             let Some(slot) = statement.target.and_then(|target| sources[target as usize].slot()) else {
                 truth = value.truth();

@@ -19,6 +19,7 @@
 //! A skipped child counts as passed over; when all are skipped, so is the node (but a `parallel` that wants all succeeds). While a child runs the node runs. A node that
 //! has ended has idle children.
 
+use crate::blackboard::to_literal;
 use crate::literal::Literal;
 use crate::script::{Scalar, scalar_of, scalar_of_literal};
 use crate::status::{Failure, Status, reason};
@@ -51,9 +52,9 @@ impl<C> Tree<C> {
     }
 
     pub(crate) fn tick_sequence_with_memory(&mut self, id: NodeId, is_start: bool, context: &mut C) -> Status {
-        if is_start {
-            let node = &mut self.nodes[id as usize];
-            node.count = u32::from(node.cursor > 0);
+        // Where it goes on, it also knows whether what came before was skipped.
+        if is_start && self.nodes[id as usize].cursor == 0 {
+            self.nodes[id as usize].count = 0;
         }
         let status = self.tick_sequence(id, context, Status::Failure, true);
         if !matches!(status, Status::Running | Status::Failure) {
@@ -279,7 +280,11 @@ impl<C> Tree<C> {
     fn selected_case(&self, id: NodeId) -> Result<u32, Failure> {
         let default = self.nodes[id as usize].n_children - 1;
         let Some(value) = self.source(id, 0).read(&self.run.board.slots)? else { return Ok(default) };
-        let Some(scalar) = scalar_of(&*value) else { return Ok(default) };
+        // A word out of a list of the application is compared by its text.
+        let port_type = self.source(id, 0).slot().and_then(|slot| self.slot_types[slot as usize].as_ref());
+        let literal = if scalar_of(&*value).is_none() { to_literal(&value, port_type) } else { None };
+        let scalar = scalar_of(&*value).or_else(|| literal.as_ref().and_then(scalar_of_literal));
+        let Some(scalar) = scalar else { return Ok(default) };
         let cases = self.built_in_port::<Vec<Literal>>(id, 1)?;
         let is_case = |case: &Literal| scalar_of_literal(case).is_some_and(|case| is_same(&scalar, &case));
         let found = cases.as_ref().and_then(|cases| cases.iter().position(is_case));

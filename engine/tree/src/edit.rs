@@ -13,7 +13,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum EditError {
     /// The new tree has mistakes.
-    #[error("the new tree has {} mistakes, the first: {}", .0.len(), .0[0])]
+    #[error("the new tree has mistakes, {} in all; the first: {}", .0.len(), .0[0])]
     Build(Vec<BuildError>),
     /// Nodes that run now, or still stop, are not in the new tree.
     #[error("running nodes would vanish: {}; halt them first", .paths.join(", "))]

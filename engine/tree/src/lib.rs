@@ -24,6 +24,8 @@
 //! assert_eq!(said, ["0.08 m"]);
 //! # Ok::<(), String>(())
 //! ```
+//!
+//! [`nodes`] has a function for each built-in node, `#[derive(Ports)]` makes a struct of a node's ports.
 
 mod action;
 mod blackboard;
@@ -33,13 +35,18 @@ mod condition;
 mod control;
 mod decorator;
 mod edit;
+#[cfg(feature = "groot")]
+pub mod groot;
 mod journal;
 mod leaf;
 mod literal;
+mod mistakes;
 mod mock;
 mod models;
 mod nearest;
+pub mod nodes;
 mod port;
+mod ports;
 mod preview;
 mod problem;
 mod queue;
@@ -62,14 +69,17 @@ pub use blackboard::Stamp;
 pub use edit::{EditError, Reloaded};
 pub use journal::{Change, JournalLevel, NamedChange, NamedRecord, Names, Record};
 pub use literal::{FromLiteral, Literal, Shape};
+pub use mistakes::BuildErrors;
 pub use mock::{MockCall, MockResult, Mocks};
 pub use nearest::nearest;
 pub use port::{Direction, PortSpec, PortType};
+pub use ports::{In, InOut, Out, PortAction, Ports};
 pub use preview::{Conflict, Preview, PreviewStep};
 pub use problem::{BuildError, EntryError, Problem};
 pub use queue::Queue;
 pub use registry::{Footprint, NodeClass, NodeModel, Registry};
 pub use replay::{Divergence, Replayed, replay};
+pub use sfg_tree_derive::{PortWord, Ports};
 pub use spec::{ConditionSpec, NodeKind, NodeSpec, PortSetting, PortValue, SubtreePort, SubtreeSpec, TreeSpec, When};
 pub use state::{EntryState, NodeState, ResumeError, TreeState};
 pub use statistics::{NodeStatistics, Statistics};
@@ -77,3 +87,8 @@ pub use status::{Failure, Outcome, Progress, Status, reason};
 pub use threaded::Stop;
 pub use tree::{Backup, FailureAt, NodeDefinition, NodeId, Tree};
 pub use waker::Waker;
+
+/// The examples of the README are tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

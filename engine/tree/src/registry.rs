@@ -223,7 +223,8 @@ impl<C> Registry<C> {
         });
     }
 
-    /// Says how values of a type that files cannot give are written down and read back, so that a saved tree can hold them.
+    /// Says how values of a type that files cannot give are written down and read back, so that a saved tree and a journal
+    /// with values hold them.
     pub fn literal_form<T: Any + Send + Sync>(
         &mut self,
         to: impl Fn(&T) -> Option<Literal> + Send + Sync + 'static,

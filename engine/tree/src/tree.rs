@@ -212,7 +212,7 @@ impl Runtime {
         if self.journal.level >= JournalLevel::Writes {
             let value = match &self.board.slots[slot as usize].value {
                 Some(value) if self.journal.level == JournalLevel::Values => {
-                    blackboard::to_literal(value, port_type).map(Box::new)
+                    blackboard::to_form(value, port_type, &self.forms).map(Box::new)
                 }
                 _ => None,
             };
@@ -423,7 +423,7 @@ impl<C> Tree<C> {
     #[must_use]
     pub fn literal(&self, key: &str) -> Option<Literal> {
         let slot = *self.root_keys.get(key)? as usize;
-        blackboard::to_literal(self.run.board.slots[slot].value.as_ref()?, self.slot_types[slot].as_ref())
+        blackboard::to_form(self.run.board.slots[slot].value.as_ref()?, self.slot_types[slot].as_ref(), &self.run.forms)
     }
 
     /// The blackboard as it is now. Values are shared, not copied.

@@ -11,7 +11,8 @@ use std::{env, fs};
 /// Which crates of the workspace each crate may use (design: "Crates and direction"). A new line or word is a design decision.
 const ALLOWED_USES: &[(&str, &str)] = &[
     ("types", ""),
-    ("tree", ""),
+    ("tree", "tree-derive"),
+    ("tree-derive", ""),
     ("plugin-abi", ""),
     ("geometry", "types"),
     ("kinematics", "types"),

@@ -28,8 +28,15 @@ mod value;
 
 pub use export::export;
 pub use import::import;
+#[cfg(feature = "groot")]
+pub(crate) use models::type_label;
 pub use models::{XmlModel, XmlPort, export_models};
+#[cfg(feature = "groot")]
+pub(crate) use names::find_ours;
 pub use problem::{XmlFault, XmlPlace, XmlProblem};
+
+#[cfg(feature = "groot")]
+pub(crate) use value::Kind;
 
 use crate::spec::TreeSpec;
 

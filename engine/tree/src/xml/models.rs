@@ -6,7 +6,7 @@ use super::problem::XmlFault;
 use super::value::{self, Kind};
 use crate::literal::Literal;
 use crate::nearest::nearest;
-use crate::port::{Direction, PortSpec};
+use crate::port::Direction;
 use crate::registry::{NodeClass, NodeModel};
 use crate::spec::SubtreeSpec;
 use roxmltree::Node;
@@ -161,7 +161,14 @@ pub(super) fn write_palette(out: &mut String, models: &[NodeModel], subtrees: &[
                 (Some(literal), _) => value::write_literal(Kind::Application, literal).ok(),
                 (None, key) => key.as_ref().map(|key| format!("{{{key}}}")),
             };
-            write_port(out, &port.name, port.direction, Some(&type_label(port)), default.as_deref(), &port.doc);
+            write_port(
+                out,
+                &port.name,
+                port.direction,
+                Some(&type_label(port.port_type().name())),
+                default.as_deref(),
+                &port.doc,
+            );
         }
         close(out, names::element_of(model.class), model.ports.is_empty());
     }
@@ -240,8 +247,8 @@ pub(super) fn is_xml(letter: char) -> bool {
     matches!(letter, '\t' | '\n' | '\r' | '\u{20}'..='\u{d7ff}' | '\u{e000}'..='\u{fffd}' | '\u{10000}'..)
 }
 
-fn type_label(port: &PortSpec) -> String {
-    let name = port.port_type().name();
+/// The C++ type of one of ours; types that C++ does not have keep their names.
+pub(crate) fn type_label(name: &str) -> String {
     let scalar = |name: &str| {
         Some(match name {
             "f64" => "double",
@@ -288,6 +295,7 @@ pub(super) fn loop_for_items(items: &[Literal]) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::port::PortSpec;
 
     #[test]
     fn a_palette_says_what_an_editor_needs() {

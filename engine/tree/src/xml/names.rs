@@ -6,19 +6,19 @@ use crate::registry::NodeClass;
 use crate::spec::When;
 
 /// A node that both sides have.
-pub(super) struct BuiltIn {
-    pub(super) theirs: &'static str,
-    pub(super) ours: &'static str,
-    pub(super) ports: &'static [Port],
+pub(crate) struct BuiltIn {
+    pub(crate) theirs: &'static str,
+    pub(crate) ours: &'static str,
+    pub(crate) ports: &'static [Port],
     /// Of a switch: its number of cases, which are one port on our side.
-    pub(super) n_cases: usize,
+    pub(crate) n_cases: usize,
 }
 
 /// A port that both sides have.
-pub(super) struct Port {
-    pub(super) theirs: &'static str,
-    pub(super) ours: &'static str,
-    pub(super) kind: Kind,
+pub(crate) struct Port {
+    pub(crate) theirs: &'static str,
+    pub(crate) ours: &'static str,
+    pub(crate) kind: Kind,
 }
 
 const fn port(theirs: &'static str, ours: &'static str, kind: Kind) -> Port {
@@ -129,7 +129,7 @@ pub(super) fn find(theirs: &str) -> Option<&'static BuiltIn> {
 }
 
 /// The first node of BehaviorTree.CPP that is our `ours`.
-pub(super) fn find_ours(ours: &str) -> Option<&'static BuiltIn> {
+pub(crate) fn find_ours(ours: &str) -> Option<&'static BuiltIn> {
     BUILT_INS.iter().find(|node| node.ours == ours)
 }
 

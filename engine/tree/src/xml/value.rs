@@ -6,7 +6,7 @@ use crate::spec::PortValue;
 
 /// How a port is written in XML.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     /// 32 bits.
     Int,
     Float,
@@ -32,7 +32,7 @@ pub(super) enum Kind {
 
 /// Of which type the constants of a loop are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Item {
+pub(crate) enum Item {
     Bool,
     Float,
     Int,

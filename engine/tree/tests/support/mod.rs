@@ -102,6 +102,7 @@ pub fn registry() -> Registry<Events> {
 }
 
 /// `sequence[a=RS b=F]`, `retry{attempts:3,on:slipped}[a=F/slipped]`, `sequence[c?SSF a=RRR]`; `arm.a=R` occupies the arm.
+/// `{variable:$n}` is a key, `{cases:1+2}` a list; the entry `n` begins with 0.
 pub fn parse(text: &str) -> NodeSpec {
     let mut rest = text;
     let node = parse_node(&mut rest);
@@ -135,12 +136,18 @@ fn parse_node(rest: &mut &str) -> NodeSpec {
         let end = rest.find('}').unwrap();
         for pair in rest[1..end].split(',') {
             let (port, value) = pair.split_once(':').unwrap();
-            let literal = if port == "on" {
+            if let Some(key) = value.strip_prefix('$') {
+                node = node.with_key(port, key);
+                continue;
+            }
+            let literal = if ["on", "cases", "over"].contains(&port) {
                 Literal::from(value.split('+').collect::<Vec<_>>())
             } else if let Ok(truth) = value.parse::<bool>() {
                 Literal::Bool(truth)
+            } else if let Ok(number) = value.parse::<i64>() {
+                Literal::Int(number)
             } else {
-                value.parse::<i64>().map_or_else(|_text| Literal::from(value.parse::<f64>().unwrap()), Literal::Int)
+                value.parse::<f64>().map_or_else(|_text| Literal::from(value), Literal::Float)
             };
             node = node.with(port, literal);
         }
@@ -213,7 +220,7 @@ pub fn numbers(seed: u64) -> impl FnMut(u64) -> u64 {
 }
 
 pub fn build(text: &str) -> Tree<Events> {
-    registry().build(&TreeSpec::new(parse(text))).unwrap()
+    registry().build(&TreeSpec::new(parse(text)).entry("n", 0)).unwrap()
 }
 
 pub fn letter(status: Status) -> char {
