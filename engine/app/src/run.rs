@@ -470,3 +470,7 @@ impl Session<'_> {
 #[cfg(test)]
 #[path = "sensors_in.rs"]
 mod sensors_in;
+
+#[cfg(test)]
+#[path = "reload.rs"]
+mod reload;

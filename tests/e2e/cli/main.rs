@@ -5,6 +5,7 @@
 mod bad_input;
 mod language;
 mod recording;
+mod replay;
 mod runs;
 mod sweeps;
 
