@@ -103,6 +103,9 @@ struct RunOptions {
     /// Goes on with the changed tree when the scenario's file changes while it runs.
     #[arg(long)]
     watch: bool,
+    /// Lets Groot2 look on at this port of this machine; it can change nothing.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "1667")]
+    groot2: Option<u16>,
     #[command(flatten)]
     set: SetOptions,
 }
@@ -211,6 +214,7 @@ fn run_one(assets: &Assets, scenario: &Path, options: &RunOptions) -> Result<Exi
         folder: Some(folder.clone()),
         interrupted: &INTERRUPTED,
         simulator: run::Simulator::default(),
+        groot2: options.groot2,
         watch: &|| watched.as_ref().and_then(watch::Watch::changed),
         on_stage: &print_stage,
     })?;

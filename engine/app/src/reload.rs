@@ -31,6 +31,7 @@ fn run_with(text: &str, change: &dyn Fn(u32) -> Option<String>) -> RunReport {
         folder: None,
         interrupted: &never,
         simulator: Simulator::default(),
+        groot2: None,
         watch: &watch,
         on_stage: &|_, _| {},
     })

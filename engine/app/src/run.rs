@@ -15,12 +15,15 @@ use sfg_record::{Picture, Recording, RobotSample, TransitionSample};
 use sfg_scenario::Scenario;
 use sfg_skills::{Kept, Robot, RobotError, SkillContext, StageLog};
 use sfg_synergy::SynergySpace;
+use sfg_tree::groot::{BtlogWriter, Server};
 use sfg_tree::{EditError, JournalLevel, NamedChange, NamedRecord, Names, Registry, Status, Tree};
 use sfg_types::{FailureReason, FunctionalityAnswer, Instruction, Outcome, PredicateResult, RunFailure, RunReport, StageRecord};
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// Version of `report.json`.
 const REPORT_SCHEMA_VERSION: u32 = 1;
@@ -55,6 +58,8 @@ pub(crate) struct RunRequest<'a> {
     pub(crate) interrupted: &'a AtomicBool,
     /// What tests change about the simulator.
     pub(crate) simulator: Simulator<'a>,
+    /// Port at which Groot2 can look on.
+    pub(crate) groot2: Option<u16>,
     /// Called now and then between ticks; a scenario that it gives takes the place of the running one.
     pub(crate) watch: &'a dyn Fn() -> Option<Scenario>,
     /// Called at the end of each stage.
@@ -110,8 +115,18 @@ pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
         log: StageLog::default(),
         kept: Kept::default(),
     };
-    let mut session =
-        Session { request, judge, recording: None, at_grasp: None, meant: None, stage_wall: Vec::new(), names: None, begun };
+    let mut session = Session {
+        request,
+        judge,
+        recording: None,
+        at_grasp: None,
+        meant: None,
+        stage_wall: Vec::new(),
+        names: None,
+        btlog: None,
+        groot2: None,
+        begun,
+    };
     session.open_recording()?;
     let ready_secs = begun.elapsed().as_secs_f64();
     // Nothing moves on unrecorded.
@@ -138,6 +153,9 @@ struct Session<'a> {
     stage_wall: Vec<(String, f64)>,
     /// Names of the tree's nodes, for the journal.
     names: Option<Names>,
+    /// The log of status changes that Groot2 opens.
+    btlog: Option<BtlogWriter<BufWriter<File>>>,
+    groot2: Option<Server>,
     begun: Instant,
 }
 
@@ -162,11 +180,27 @@ impl Session<'_> {
         Ok(())
     }
 
+    /// Opens the log and the live view for Groot2.
+    fn open_for_groot(&mut self, tree: &Tree<SkillContext>) -> Result<()> {
+        if let Some(folder) = &self.request.folder {
+            let path = folder.join("run.btlog");
+            let file = File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
+            let now = SystemTime::now().duration_since(UNIX_EPOCH).context("the system clock is before 1970")?;
+            let start_us = i64::try_from(now.as_micros()).unwrap_or(i64::MAX);
+            self.btlog = Some(BtlogWriter::for_tree(BufWriter::new(file), tree, start_us)?);
+        }
+        if let Some(port) = self.request.groot2 {
+            self.groot2 = Some(Server::start(port, tree)?);
+        }
+        Ok(())
+    }
+
     /// Ticks the tree each control period until it ends, the time is used up or the user interrupts.
     fn tick_to_end(&mut self, skills: &mut SkillContext) -> Result<Ended> {
         let mut tree = self.request.scenario.build_tree(self.request.registry)?;
         tree.set_journal_level(JournalLevel::Values);
         self.names = Some(tree.names());
+        self.open_for_groot(&tree)?;
         let timeout_secs = self.request.scenario.limits.timeout_secs;
         let (mut recorded_secs, mut image_secs) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
         let (mut first_motion_secs, mut watched_secs) = (None, 0.0);
@@ -234,6 +268,9 @@ impl Session<'_> {
         };
         // A halt changes nodes too.
         self.record_changes(&mut tree)?;
+        if let Some(btlog) = self.btlog.take() {
+            btlog.finish()?;
+        }
         // The arm comes to rest under the engine's limits, whatever ended the run.
         let rest_secs = if ended.status == Status::Success { JUDGE_AFTER_SECS } else { REST_SECS };
         let until_secs = skills.robot.now_secs() + rest_secs;
@@ -260,6 +297,11 @@ impl Session<'_> {
         match tree.reload(self.request.registry, &scenario.tree) {
             Ok(reloaded) => {
                 self.names = Some(tree.names());
+                // The log has the nodes of one tree.
+                drop(self.btlog.take());
+                if let Some(server) = &self.groot2 {
+                    server.show(tree);
+                }
                 let list = |sign: &str, paths: &[String]| paths.iter().map(|path| format!(" {sign}{path}")).collect::<String>();
                 say!("reloaded:{}{}", list("+", &reloaded.added), list("-", &reloaded.removed));
             }
@@ -291,6 +333,12 @@ impl Session<'_> {
 
     fn record_changes(&mut self, tree: &mut Tree<SkillContext>) -> Result<()> {
         let changes = tree.drain_journal();
+        if let Some(server) = &self.groot2 {
+            server.update(tree, &changes);
+        }
+        if let Some(btlog) = &mut self.btlog {
+            btlog.records(&changes)?;
+        }
         let (Some(recording), Some(names)) = (&mut self.recording, &self.names) else { return Ok(()) };
         let changes: Vec<NamedRecord> = changes.into_iter().map(|record| names.of(record)).collect();
         for record in &changes {

@@ -24,6 +24,7 @@ fn run_with(text: &str, simulator: Simulator<'_>) -> RunReport {
         folder: None,
         interrupted: &never,
         simulator,
+        groot2: None,
         watch: &|| None,
         on_stage: &|_, _| {},
     })

@@ -221,6 +221,7 @@ fn run_unit(checked: &Checked, assets: &Assets, instruction: &Instruction, seed:
         folder: None,
         interrupted: &INTERRUPTED,
         simulator: crate::run::Simulator::default(),
+        groot2: None,
         watch: &|| None,
         on_stage: &|_, _| {},
     };
