@@ -9,6 +9,7 @@ pub mod grasp;
 pub mod motion;
 pub mod post_grasp;
 pub mod robot;
+pub mod saved;
 
 pub use context::{Kept, Plugins, SkillContext, SkillFailure, StageLog, StageNote};
 pub use robot::{Robot, RobotError};
@@ -17,6 +18,7 @@ use sfg_tree::Registry;
 
 /// Registers every skill.
 pub fn register(registry: &mut Registry<SkillContext>) {
+    saved::register(registry);
     grasp::ready::register(registry);
     grasp::observe_scene::register(registry);
     grasp::list_scene::register(registry);

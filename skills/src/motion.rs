@@ -3,7 +3,8 @@
 use crate::arm::ArmScene;
 use crate::context::{SkillContext, SkillFailure, StageNote, hash_of};
 use crate::robot::Robot;
-use sfg_tree::{Action, Outcome, PortSpec, Progress, Registry, Tick};
+use crate::saved::starts_anew;
+use sfg_tree::{Action, Literal, Outcome, PortSpec, Progress, Registry, Tick};
 use sfg_types::{FailureReason, JointTrajectory, SceneInventory};
 
 /// A measured joint farther than this from its set point means that something blocks or drives the arm, radians.
@@ -18,9 +19,14 @@ pub struct Follower {
     start_secs: Option<f64>,
     /// Share of the trajectory's own speed that is asked for, and that is gone at now.
     pace: (f64, f64),
-    /// How far a pace below 1 has put the motion behind, seconds.
+    /// How far a pace below 1 has put the motion behind, seconds; negative when it begins in the middle.
     lag_secs: f64,
+    /// Where the arm stood beside the trajectory when it took it up.
+    beside: Vec<f64>,
 }
+
+/// An arm that takes up a trajectory in the middle is on it after this time.
+const TAKE_UP_SECS: f64 = 1.0;
 
 /// The pace changes by this much a second at most, so that the arm does not jerk.
 const PACE_CHANGE_PER_SEC: f64 = 1.0;
@@ -29,7 +35,19 @@ impl Follower {
     /// Follows `trajectory` from the next period on.
     #[must_use]
     pub fn new(trajectory: JointTrajectory) -> Self {
-        Self { trajectory, start_secs: None, pace: (1.0, 1.0), lag_secs: 0.0 }
+        Self { trajectory, start_secs: None, pace: (1.0, 1.0), lag_secs: 0.0, beside: Vec::new() }
+    }
+
+    /// Follows `trajectory` from where it passes nearest to `q`, beginning at rest; and that distance, radians.
+    #[must_use]
+    pub fn taken_up(trajectory: JointTrajectory, q: &[f64]) -> (Self, f64) {
+        let distance = |sample: &Vec<f64>| sample.iter().zip(q).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+        let nearest = (0..trajectory.q.len()).min_by(|&a, &b| distance(&trajectory.q[a]).total_cmp(&distance(&trajectory.q[b])));
+        let Some(nearest) = nearest else { return (Self::new(trajectory), f64::INFINITY) };
+        let distance_rad = distance(&trajectory.q[nearest]);
+        let beside = q.iter().zip(&trajectory.q[nearest]).map(|(q, sample)| q - sample).collect();
+        let lag_secs = -trajectory.stamps_secs[nearest];
+        (Self { trajectory, start_secs: None, pace: (1.0, 0.0), lag_secs, beside }, distance_rad)
     }
 
     /// Goes on at this share of the trajectory's own speed, 0 to 1, reached gradually.
@@ -55,8 +73,18 @@ impl Follower {
         *pace += (*wanted - *pace).clamp(-change, change);
         self.lag_secs += robot.period_secs() * (1.0 - *pace);
         let t_secs = robot.now_secs() - start_secs + robot.period_secs() - self.lag_secs;
-        let (q, dq) = self.trajectory.sample(t_secs);
-        let dq = dq.into_iter().map(|velocity| velocity * *pace).collect();
+        let (mut q, dq) = self.trajectory.sample(t_secs);
+        let mut dq: Vec<f64> = dq.into_iter().map(|velocity| velocity * *pace).collect();
+        if !self.beside.is_empty() {
+            let s = ((robot.now_secs() - start_secs + robot.period_secs()) / TAKE_UP_SECS).min(1.0);
+            // Begins and ends at rest.
+            let rest = 1.0 - s.powi(3) * (10.0 - 15.0 * s + 6.0 * s * s);
+            let change_per_sec = -30.0 * s * s * (1.0 - s).powi(2) / TAKE_UP_SECS;
+            for (joint, beside) in self.beside.iter().enumerate() {
+                q[joint] += rest * beside;
+                dq[joint] += change_per_sec * beside;
+            }
+        }
         robot.set_arm(q, dq);
         Ok(if t_secs >= self.trajectory.duration_secs() + SETTLE_SECS { Progress::Success } else { Progress::Running })
     }
@@ -101,6 +129,10 @@ impl Action<SkillContext> for MoveJoints {
     fn poll(&mut self, tick: &mut Tick<'_, SkillContext>) -> Outcome {
         let Some(follower) = &mut self.follower else { return Ok(Progress::Success) };
         Ok(follower.poll(&mut tick.context.robot)?)
+    }
+
+    fn save(&self) -> Option<Literal> {
+        starts_anew()
     }
 }
 

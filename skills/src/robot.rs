@@ -226,6 +226,20 @@ impl Robot {
         Ok(())
     }
 
+    /// Sends a set point that was sent before, without the limits that it has already passed: brings a simulated robot to where
+    /// an earlier run stopped.
+    ///
+    /// # Errors
+    /// [`RobotError::Driver`] when the driver fails.
+    pub fn repeat(&mut self, command: &RobotCommand) -> Result<(), RobotError> {
+        self.driver.command(command)?;
+        self.sent = command.clone();
+        self.hand_target = command.hand;
+        self.driver.advance()?;
+        self.state = self.driver.state()?;
+        Ok(())
+    }
+
     /// Stops the arm at once, from any state; no motion is taken afterwards.
     ///
     /// # Errors

@@ -14,6 +14,7 @@ mod say;
 mod scene;
 mod sensed;
 mod statistics;
+mod stopped;
 mod sweep;
 mod watch;
 
@@ -49,9 +50,14 @@ enum Command {
     /// Runs a scenario and judges it.
     Run {
         /// Scenario file.
-        scenario: PathBuf,
+        #[arg(required_unless_present = "resume")]
+        scenario: Option<PathBuf>,
         #[command(flatten)]
         options: RunOptions,
+        /// Folder of a run that was stopped by Ctrl-C or --stop-after: goes on from there. The simulator is first brought to
+        /// where it was.
+        #[arg(long, value_name = "RUN", conflicts_with_all = ["instruction", "seed", "preview"])]
+        resume: Option<PathBuf>,
         /// Lists what each skill of the tree occupies and how long it takes; nothing moves.
         #[arg(long)]
         preview: bool,
@@ -103,6 +109,9 @@ struct RunOptions {
     /// Goes on with the changed tree when the scenario's file changes while it runs.
     #[arg(long)]
     watch: bool,
+    /// Stops, as Ctrl-C does, when this stage has ended: --stop-after lift.
+    #[arg(long, value_name = "STAGE")]
+    stop_after: Option<String>,
     /// Lets Groot2 look on at this port of this machine; it can change nothing.
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "1667")]
     groot2: Option<u16>,
@@ -153,10 +162,14 @@ fn execute(cli: Cli) -> Result<ExitCode> {
             let scenario = assets.folder.join("01_pour.yaml");
             run_one(&assets, &scenario, &RunOptions { seed: 1, ..RunOptions::default() })
         }
-        Some(Command::Run { scenario, options, preview: true }) => {
-            preview::show(&Checked::load(&Assets::open(assets)?, &scenario, &options.set.set)?)
+        Some(Command::Run { scenario, options, resume, preview }) => {
+            let assets = Assets::open(assets)?;
+            match (scenario, resume) {
+                (scenario, Some(run)) => resume_one(&assets, &run, scenario, &options),
+                (Some(scenario), None) if preview => preview::show(&Checked::load(&assets, &scenario, &options.set.set)?),
+                (scenario, None) => run_one(&assets, &scenario.unwrap_or_default(), &options),
+            }
         }
-        Some(Command::Run { scenario, options, preview: false }) => run_one(&Assets::open(assets)?, &scenario, &options),
         Some(Command::Replay(options)) => replay::show(&Assets::open(assets)?, &options),
         Some(Command::Say { sentence, scene, options }) => {
             let assets = Assets::open(assets)?;
@@ -188,8 +201,32 @@ fn execute(cli: Cli) -> Result<ExitCode> {
     }
 }
 
+/// Goes on with a run that was stopped.
+fn resume_one(assets: &Assets, run: &Path, scenario: Option<PathBuf>, options: &RunOptions) -> Result<ExitCode> {
+    let from = stopped::read(run)?;
+    let scenario = scenario.unwrap_or_else(|| PathBuf::from(&from.scenario));
+    let checked = Checked::load(assets, &scenario, &options.set.set)?;
+    if sfg_skills::context::hash_bytes(checked.scenario.full_text().as_bytes()) != from.scenario_sha256 {
+        let message =
+            format!("{} is not the scenario of {} any more; run it from the beginning", scenario.display(), run.display());
+        return Err(check::BadInput(message).into());
+    }
+    let options = RunOptions { instruction: Some(from.instruction.clone()), seed: from.seed, ..options.clone() };
+    run_checked(assets, &scenario, &checked, &options, Some(&from.stopped))
+}
+
 fn run_one(assets: &Assets, scenario: &Path, options: &RunOptions) -> Result<ExitCode> {
     let checked = Checked::load(assets, scenario, &options.set.set)?;
+    run_checked(assets, scenario, &checked, options, None)
+}
+
+fn run_checked(
+    assets: &Assets,
+    scenario: &Path,
+    checked: &Checked,
+    options: &RunOptions,
+    resumed: Option<&stopped::Stopped>,
+) -> Result<ExitCode> {
     let instruction = match (&options.instruction, &checked.scenario.instruction) {
         (Some(text), _) => Instruction::new(text).map_err(|error| check::BadInput(error.to_string()))?,
         (None, Some(instruction)) => instruction.value.clone(),
@@ -214,11 +251,16 @@ fn run_one(assets: &Assets, scenario: &Path, options: &RunOptions) -> Result<Exi
         folder: Some(folder.clone()),
         interrupted: &INTERRUPTED,
         simulator: run::Simulator::default(),
+        resumed,
+        stop_after: options.stop_after.as_deref(),
         groot2: options.groot2,
         watch: &|| watched.as_ref().and_then(watch::Watch::changed),
         on_stage: &print_stage,
     })?;
     print_verdict(&report);
+    if folder.join(stopped::FILE).is_file() {
+        say!("go on with: sfg run --resume {}", folder.display());
+    }
     say!("report: {}", folder.join("report.html").display());
     Ok(exit::code(report.outcome))
 }

@@ -31,6 +31,8 @@ fn run_with(text: &str, change: &dyn Fn(u32) -> Option<String>) -> RunReport {
         folder: None,
         interrupted: &never,
         simulator: Simulator::default(),
+        resumed: None,
+        stop_after: None,
         groot2: None,
         watch: &watch,
         on_stage: &|_, _| {},

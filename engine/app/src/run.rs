@@ -5,6 +5,7 @@ use crate::check::BadInput;
 use crate::say::{chain, say};
 use crate::scene::draw_scene;
 use crate::sensed;
+use crate::stopped::Stopped;
 use crate::{pictures, plugins};
 use anyhow::{Context as _, Result};
 use sfg_driver_sim::world::{GraspAsked, JudgeHandle, Predicate, Viewpoint};
@@ -17,7 +18,9 @@ use sfg_skills::{Kept, Robot, RobotError, SkillContext, StageLog};
 use sfg_synergy::SynergySpace;
 use sfg_tree::groot::{BtlogWriter, Server};
 use sfg_tree::{EditError, JournalLevel, NamedChange, NamedRecord, Names, Registry, Status, Tree};
-use sfg_types::{FailureReason, FunctionalityAnswer, Instruction, Outcome, PredicateResult, RunFailure, RunReport, StageRecord};
+use sfg_types::{
+    FailureReason, FunctionalityAnswer, Instruction, Outcome, PredicateResult, RobotCommand, RunFailure, RunReport, StageRecord,
+};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
@@ -58,6 +61,10 @@ pub(crate) struct RunRequest<'a> {
     pub(crate) interrupted: &'a AtomicBool,
     /// What tests change about the simulator.
     pub(crate) simulator: Simulator<'a>,
+    /// Where an earlier run stopped, to go on from there.
+    pub(crate) resumed: Option<&'a Stopped>,
+    /// Stops, as Ctrl-C does, when this stage has ended.
+    pub(crate) stop_after: Option<&'a str>,
     /// Port at which Groot2 can look on.
     pub(crate) groot2: Option<u16>,
     /// Called now and then between ticks; a scenario that it gives takes the place of the running one.
@@ -126,6 +133,7 @@ pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
         btlog: None,
         groot2: None,
         begun,
+        sent: Vec::new(),
     };
     session.open_recording()?;
     let ready_secs = begun.elapsed().as_secs_f64();
@@ -156,6 +164,8 @@ struct Session<'a> {
     /// The log of status changes that Groot2 opens.
     btlog: Option<BtlogWriter<BufWriter<File>>>,
     groot2: Option<Server>,
+    /// Every set point sent, so that a simulated robot can be brought here again.
+    sent: Vec<RobotCommand>,
     begun: Instant,
 }
 
@@ -174,9 +184,29 @@ impl Session<'_> {
         ]);
         self.recording = Some(Recording::create(&folder.join("run.mcap"), &metadata)?);
         // A report of an earlier run would belong to another recording.
-        for name in ["report.json", "report.html"] {
+        for name in ["report.json", "report.html", crate::stopped::FILE] {
             drop(std::fs::remove_file(folder.join(name)));
         }
+        Ok(())
+    }
+
+    /// Brings robot and tree to where an earlier run stopped.
+    fn go_on(&mut self, tree: &mut Tree<SkillContext>, stopped: &Stopped, skills: &mut SkillContext) -> Result<()> {
+        let lost = tree.check_resume(&stopped.tree);
+        if !lost.is_empty() {
+            let list: Vec<String> = lost.iter().map(|error| format!("  {error}")).collect();
+            return Err(BadInput(format!("the run cannot be resumed; nothing has moved\n{}", list.join("\n"))).into());
+        }
+        for command in &stopped.sent {
+            skills
+                .robot
+                .repeat(command)
+                .map_err(|error| BadInput(format!("the robot cannot be brought to where it was: {error}")))?;
+        }
+        self.sent.clone_from(&stopped.sent);
+        self.meant.clone_from(&stopped.meant);
+        tree.resume(&stopped.tree, skills).map_err(|errors| BadInput(errors[0].to_string()))?;
+        say!("resumed at {:.2} s", skills.robot.now_secs());
         Ok(())
     }
 
@@ -203,7 +233,10 @@ impl Session<'_> {
         self.open_for_groot(&tree)?;
         let timeout_secs = self.request.scenario.limits.timeout_secs;
         let (mut recorded_secs, mut image_secs) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
-        let (mut first_motion_secs, mut watched_secs) = (None, 0.0);
+        let (mut first_motion_secs, mut watched_secs, mut state) = (None, 0.0, None);
+        if let Some(stopped) = self.request.resumed {
+            self.go_on(&mut tree, stopped, skills)?;
+        }
         let mut ended = loop {
             let now_secs = skills.robot.now_secs();
             let status = tree.tick(now_secs, skills);
@@ -226,7 +259,9 @@ impl Session<'_> {
                     first_motion_secs,
                 };
             }
-            if self.request.interrupted.load(Ordering::Relaxed) {
+            let is_stage_over = |stage: &&str| skills.log.records().iter().any(|record| record.stage == **stage);
+            if self.request.interrupted.load(Ordering::Relaxed) || self.request.stop_after.as_ref().is_some_and(is_stage_over) {
+                state = Some(tree.save());
                 tree.halt(skills);
                 break Ended { status: Status::Failure, failure: None, is_interrupted: true, first_motion_secs };
             }
@@ -239,7 +274,9 @@ impl Session<'_> {
                 };
                 break Ended { status: Status::Failure, failure: Some(failure), is_interrupted: false, first_motion_secs };
             }
-            if let Err(error) = skills.robot.advance() {
+            let advanced = skills.robot.advance();
+            self.sent.push(skills.robot.sent().clone());
+            if let Err(error) = advanced {
                 let reason = match error {
                     RobotError::Limit(_) => FailureReason::LimitViolated,
                     _ => FailureReason::DriverFailed,
@@ -279,7 +316,9 @@ impl Session<'_> {
                 recorded_secs = skills.robot.now_secs();
                 self.record_robot(skills)?;
             }
-            if let Err(error) = skills.robot.advance() {
+            let advanced = skills.robot.advance();
+            self.sent.push(skills.robot.sent().clone());
+            if let Err(error) = advanced {
                 ended.failure.get_or_insert(RunFailure {
                     reason: FailureReason::DriverFailed.name().to_owned(),
                     node: "driver".to_owned(),
@@ -287,6 +326,10 @@ impl Session<'_> {
                 });
                 break;
             }
+        }
+        if let (Some(tree), Some(folder)) = (state, &self.request.folder) {
+            let sent = std::mem::take(&mut self.sent);
+            Stopped { tree, sent, meant: self.meant.clone() }.write(folder, self.request)?;
         }
         Ok(ended)
     }

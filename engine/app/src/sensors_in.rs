@@ -24,6 +24,8 @@ fn run_with(text: &str, simulator: Simulator<'_>) -> RunReport {
         folder: None,
         interrupted: &never,
         simulator,
+        resumed: None,
+        stop_after: None,
         groot2: None,
         watch: &|| None,
         on_stage: &|_, _| {},

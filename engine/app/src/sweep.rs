@@ -221,6 +221,8 @@ fn run_unit(checked: &Checked, assets: &Assets, instruction: &Instruction, seed:
         folder: None,
         interrupted: &INTERRUPTED,
         simulator: crate::run::Simulator::default(),
+        resumed: None,
+        stop_after: None,
         groot2: None,
         watch: &|| None,
         on_stage: &|_, _| {},

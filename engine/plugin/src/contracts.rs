@@ -1,5 +1,6 @@
 //! One trait a stage, in the order of the data path.
 
+use serde::{Deserialize, Serialize};
 use sfg_types::{
     AffordanceMask, FunctionalityAnswer, GraspType, HandFeedback, HandProfile, HandSide, Instruction, ObjectCluster, Observation,
     PalmPoseCandidate, Pose, RobotCommand, RobotState, SceneInventory, SynergyCoordinates, TaskKeyPoint, Tsdf,
@@ -127,7 +128,7 @@ pub trait PoseGenerator: Send {
 }
 
 /// How the hand is to close.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ClosingPlan {
     /// Shape of the hand when it arrives.
     pub preshape: SynergyCoordinates,

@@ -133,6 +133,8 @@ type FromLiteral = Arc<dyn Fn(&Literal) -> Result<Value, String> + Send + Sync>;
 pub(crate) struct Form {
     pub(crate) to: ToLiteral,
     pub(crate) from: FromLiteral,
+    /// Whether a journal writes it down too.
+    pub(crate) is_in_journal: bool,
 }
 
 /// A value as a literal, where files can give its type.
@@ -151,6 +153,14 @@ pub(crate) fn to_form(value: &Value, port_type: Option<&PortType>, forms: &HashM
     match forms.get(&(**value).type_id()) {
         Some(form) => (form.to)(&**value),
         None => to_literal(value, port_type),
+    }
+}
+
+/// A value as a literal for a journal.
+pub(crate) fn to_journal(value: &Value, port_type: Option<&PortType>, forms: &HashMap<TypeId, Form>) -> Option<Literal> {
+    match forms.get(&(**value).type_id()) {
+        Some(form) if !form.is_in_journal => None,
+        _ => to_form(value, port_type, forms),
     }
 }
 

@@ -230,9 +230,27 @@ impl<C> Registry<C> {
         to: impl Fn(&T) -> Option<Literal> + Send + Sync + 'static,
         from: impl Fn(&Literal) -> Result<T, String> + Send + Sync + 'static,
     ) {
+        self.add_form(to, from, true);
+    }
+
+    /// The same for values that are too large for a journal: only a saved tree holds them.
+    pub fn saved_form<T: Any + Send + Sync>(
+        &mut self,
+        to: impl Fn(&T) -> Option<Literal> + Send + Sync + 'static,
+        from: impl Fn(&Literal) -> Result<T, String> + Send + Sync + 'static,
+    ) {
+        self.add_form(to, from, false);
+    }
+
+    fn add_form<T: Any + Send + Sync>(
+        &mut self,
+        to: impl Fn(&T) -> Option<Literal> + Send + Sync + 'static,
+        from: impl Fn(&Literal) -> Result<T, String> + Send + Sync + 'static,
+        is_in_journal: bool,
+    ) {
         let to = Arc::new(move |value: &(dyn Any + Send + Sync)| value.downcast_ref::<T>().and_then(&to));
         let from = Arc::new(move |literal: &Literal| from(literal).map(|value| Arc::new(value) as Value));
-        Arc::make_mut(&mut self.forms).insert(TypeId::of::<T>(), Form { to, from });
+        Arc::make_mut(&mut self.forms).insert(TypeId::of::<T>(), Form { to, from, is_in_journal });
     }
 
     /// Declares a blackboard entry of the root scope that the application sets before the first tick.

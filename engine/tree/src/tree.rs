@@ -212,7 +212,7 @@ impl Runtime {
         if self.journal.level >= JournalLevel::Writes {
             let value = match &self.board.slots[slot as usize].value {
                 Some(value) if self.journal.level == JournalLevel::Values => {
-                    blackboard::to_form(value, port_type, &self.forms).map(Box::new)
+                    blackboard::to_journal(value, port_type, &self.forms).map(Box::new)
                 }
                 _ => None,
             };

@@ -7,7 +7,7 @@
 /// | `stamps_secs` | n, ascending from 0 | s |
 /// | `q` | n x joints | rad |
 /// | `dq` | n x joints | rad/s |
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct JointTrajectory {
     /// Time of each sample after the start.
     pub stamps_secs: Vec<f64>,

@@ -67,7 +67,7 @@ pub struct Rejected {
 }
 
 /// A candidate with everything needed to execute it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlannedGrasp {
     /// Index in the generated list.
     pub candidate_idx: usize,
@@ -82,7 +82,7 @@ pub struct PlannedGrasp {
 }
 
 /// The outcome of selection: `p_tar` of the paper and what was left out.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Selection {
     /// The grasp to execute.
     pub chosen: PlannedGrasp,

@@ -1,8 +1,9 @@
 //! Step 10b: closing, by the grasp policy.
 
 use crate::context::{SkillContext, SkillFailure, StageNote, hash_of};
+use crate::saved::starts_anew;
 use sfg_plugin::{ClosingPlan, GraspPolicyState};
-use sfg_tree::{Action, Outcome, PortSpec, Progress, Registry, Tick};
+use sfg_tree::{Action, Literal, Outcome, PortSpec, Progress, Registry, Tick};
 use sfg_types::{FailureReason, SynergyCoordinates};
 use std::sync::Arc;
 
@@ -87,6 +88,10 @@ impl Action<SkillContext> for CloseHand {
         let closing = context.finish_stage("close_hand", Ok((closing, note)))?;
         tick.set_shared("closing", Arc::new(closing));
         Ok(Progress::Success)
+    }
+
+    fn save(&self) -> Option<Literal> {
+        starts_anew()
     }
 }
 

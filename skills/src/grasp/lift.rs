@@ -4,7 +4,8 @@ use crate::arm::ArmScene;
 use crate::context::{SkillContext, SkillFailure, StageNote, hash_of};
 use crate::grasp::verify_grasp::grasp_evidence;
 use crate::motion::Follower;
-use sfg_tree::{Action, Outcome, PortSpec, Progress, Registry, Tick};
+use crate::saved::starts_anew;
+use sfg_tree::{Action, Literal, Outcome, PortSpec, Progress, Registry, Tick};
 use sfg_types::{FailureReason, SceneInventory};
 
 /// Share of the speed limits while something is being lifted.
@@ -62,6 +63,10 @@ impl Action<SkillContext> for Lift {
             Err(SkillFailure::new(FailureReason::LiftFailed, "the hand came up empty: nothing blocks the fingers any more"))
         };
         context.finish_stage("lift", outcome)
+    }
+
+    fn save(&self) -> Option<Literal> {
+        starts_anew()
     }
 }
 

@@ -3,12 +3,16 @@
 use crate::context::{SkillContext, SkillFailure, StageNote, hash_of};
 use crate::grasp::synthesize_grasp::arrival_shape;
 use crate::motion::Follower;
+use crate::saved::starts_anew;
 use sfg_plugin::ClosingPlan;
-use sfg_tree::{Action, Outcome, PortSpec, Progress, Registry, Tick};
+use sfg_tree::{Action, Literal, Outcome, PortSpec, Progress, Registry, Tick};
 use sfg_types::{FailureReason, Selection};
 
 /// The palm may end this far from where it was planned.
 const MAX_PALM_ERROR_M: f64 = 0.01;
+
+/// An arm that stands farther from the planned motion does not take it up again.
+const MAX_BESIDE_RAD: f64 = 0.2;
 
 /// `reach_palm_pose`: Running on the way; Success at the palm pose; Failure `tracking_lost`. Halt brings the arm to rest.
 #[derive(Default)]
@@ -54,6 +58,31 @@ impl Action<SkillContext> for ReachPalmPose {
             ))
         };
         context.finish_stage("reach_palm_pose", outcome)
+    }
+
+    fn save(&self) -> Option<Literal> {
+        starts_anew()
+    }
+
+    /// Goes on along the planned motions from where the arm stopped beside them.
+    fn resume(&mut self, _state: &Literal, tick: &mut Tick<'_, SkillContext>) -> Outcome {
+        let selection = tick.input::<Selection>("selection")?;
+        let plan = tick.input::<ClosingPlan>("closing_plan")?;
+        let shape = arrival_shape(plan.grasp_type, &tick.context.synergy);
+        tick.context.robot.set_hand(shape.into());
+        let q = tick.context.robot.sent().q.clone();
+        let (transit, transit_rad) = Follower::taken_up(selection.chosen.transit.clone(), &q);
+        let (approach, approach_rad) = Follower::taken_up(selection.chosen.approach.clone(), &q);
+        if transit_rad.min(approach_rad) > MAX_BESIDE_RAD {
+            let explanation = format!("the arm stands {transit_rad:.2} rad beside the planned motion");
+            return Err(tick.context.fail_stage("reach_palm_pose", SkillFailure::new(FailureReason::NoPath, explanation)));
+        }
+        self.followers = if approach_rad < transit_rad {
+            vec![approach]
+        } else {
+            vec![Follower::new(selection.chosen.approach.clone()), transit]
+        };
+        self.poll(tick)
     }
 }
 

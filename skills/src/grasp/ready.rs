@@ -3,7 +3,8 @@
 use crate::arm::{ArmScene, PLAN_SPEED};
 use crate::context::{SkillContext, SkillFailure, StageNote, hash_of};
 use crate::motion::Follower;
-use sfg_tree::{Action, Outcome, PortSpec, Progress, Registry, Tick};
+use crate::saved::starts_anew;
+use sfg_tree::{Action, Literal, Outcome, PortSpec, Progress, Registry, Tick};
 use sfg_types::{FailureReason, HandCommand, JointTrajectory, Pose, SceneInventory};
 
 /// An arm this close to its ready pose stays there.
@@ -98,6 +99,10 @@ impl Action<SkillContext> for Ready {
             details: serde_json::Value::Null,
         };
         context.finish_stage("ready", Ok((Progress::Success, note)))
+    }
+
+    fn save(&self) -> Option<Literal> {
+        starts_anew()
     }
 }
 

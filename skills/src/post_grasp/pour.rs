@@ -6,7 +6,8 @@ use crate::motion::Follower;
 use crate::post_grasp::fill::{HeightMap, poured_ml, surface_inside};
 use crate::post_grasp::held_pose::{HeldPose, Outline, fit_held_pose, points_near};
 use crate::post_grasp::pour_path::{PourSettings, PourTarget, VesselShape, pour_palm_path, vessel_shape};
-use sfg_tree::{Action, Outcome, PortSpec, Progress, Registry, Tick};
+use crate::saved::starts_anew;
+use sfg_tree::{Action, Literal, Outcome, PortSpec, Progress, Registry, Tick};
 use sfg_types::{FailureReason, JointTrajectory, ObjectCluster, Pose, RejectionReason, SceneInventory, Selection};
 
 /// What is poured into what, as seen before the grasp.
@@ -402,6 +403,10 @@ impl Action<SkillContext> for Pour {
             Ok(Some(done)) => context.finish_stage("pour", Ok(done)),
             Err(failure) => Err(context.fail_stage("pour", failure)),
         }
+    }
+
+    fn save(&self) -> Option<Literal> {
+        starts_anew()
     }
 }
 

@@ -1,6 +1,6 @@
 //! A past run looked at again, and a tree looked at before it runs.
 
-use crate::{folder, sfg, text};
+use crate::{folder, repository, sfg, text};
 use std::fs;
 
 const SCRIPTED: &str = include_str!("../../../scenarios/00_move_joints.yaml");
@@ -47,4 +47,37 @@ fn a_preview_moves_nothing_and_names_two_skills_on_one_arm() {
     let shown = sfg(folder.path(), &["run", text(&scenario), "--preview"]).ended_with(2).stdout;
     assert!(shown.contains("conflict in parallel: parallel/bend and parallel/stretch both occupy the left arm"), "{shown}");
     assert!(!folder.path().join("runs").exists());
+}
+
+#[test]
+fn a_stopped_run_goes_on_where_it_stood() {
+    let folder = folder();
+    let (scenario, first, second) = (folder.path().join("moves.yaml"), folder.path().join("first"), folder.path().join("second"));
+    fs::write(&scenario, SCRIPTED).unwrap();
+    let stopped = sfg(folder.path(), &["run", text(&scenario), "--stop-after", "move_joints", "--out", text(&first)])
+        .ended_with(130)
+        .stdout;
+    assert!(stopped.contains("go on with: sfg run --resume"), "{stopped}");
+    let resumed = sfg(folder.path(), &["run", "--resume", text(&first), "--out", text(&second)]).ended_with(0).stdout;
+    assert!(resumed.contains("resumed at"), "{resumed}");
+    // The first motion goes on, the second one follows.
+    assert_eq!(resumed.matches("move_joints").count(), 2, "{resumed}");
+
+    fs::write(&scenario, SCRIPTED.replace("speed: 0.3", "speed: 0.2")).unwrap();
+    let changed = sfg(folder.path(), &["run", "--resume", text(&first)]).ended_with(2).stderr;
+    assert!(changed.contains("is not the scenario of"), "{changed}");
+    let nothing = sfg(folder.path(), &["run", "--resume", text(&second)]).ended_with(2).stderr;
+    assert!(nothing.contains("state.json"), "{nothing}");
+}
+
+#[test]
+fn a_pour_goes_on_after_the_lift() {
+    let folder = folder();
+    let scenario = repository("scenarios").join("01_pour.yaml");
+    let (first, second) = (folder.path().join("first"), folder.path().join("second"));
+    sfg(folder.path(), &["run", text(&scenario), "--seed", "3", "--stop-after", "lift", "--out", text(&first)]).ended_with(130);
+    let resumed = sfg(folder.path(), &["run", "--resume", text(&first), "--out", text(&second)]).ended_with(0).stdout;
+    assert!(!resumed.contains("close_hand") && resumed.contains("pour"), "{resumed}");
+    let log = fs::read(second.join("run.btlog")).unwrap();
+    assert!(log.starts_with(b"BTCPP4-FileLogger2"));
 }
