@@ -6,7 +6,9 @@ mod bad_input;
 mod language;
 mod recording;
 mod runs;
+mod scenario_tests;
 mod sweeps;
+mod trees;
 
 use serde_json::Value;
 use std::fs::{self, File};
