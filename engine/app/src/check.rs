@@ -6,7 +6,9 @@ use anyhow::{Context as _, Result};
 use sfg_driver_sim::world::{ArgKind, PREDICATES};
 use sfg_kinematics::RobotModel;
 use sfg_plugin_host::Contract;
-use sfg_scenario::{Mistake, ObjectShape, Scenario, ScenarioErrors, SceneObject, Settings, Severity, Vocabulary};
+use sfg_scenario::{
+    Mistake, ObjectShape, Scenario, ScenarioErrors, ScenarioTests, SceneObject, Settings, Severity, Vocabulary, XmlTree,
+};
 use sfg_skills::SkillContext;
 use sfg_synergy::SynergySpace;
 use sfg_tree::{Literal, Registry, nearest};
@@ -45,13 +47,46 @@ impl Checked {
         Ok(Self { scenario, registry, model })
     }
 
+    /// Loads a scenario, or a tree in XML with the scenario `scene` around it.
+    pub(crate) fn load_in(assets: &Assets, path: &Path, scene: Option<&Path>, set: &[String]) -> Result<Self> {
+        let is_xml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml"));
+        let scene = match (is_xml, scene) {
+            (false, None) => return Self::load(assets, path, set),
+            (true, Some(scene)) => scene,
+            (true, None) => {
+                let message = format!("{} is only a tree; give the scenario to run it in with --scene FILE", path.display());
+                return Err(BadInput(message).into());
+            }
+            (false, Some(_)) => {
+                let message = format!("--scene goes with a tree in XML, and {} is none", path.display());
+                return Err(BadInput(message).into());
+            }
+        };
+        let tree = XmlTree::load(path).map_err(|errors| refused(&errors));
+        let checked = match (tree, Self::load(assets, scene, set)) {
+            (Ok(tree), Ok(checked)) => (tree, checked),
+            // Mistakes of both, all at once.
+            (Err(tree), Err(scene)) if scene.is::<BadInput>() => return Err(BadInput(format!("{tree}\n{scene}")).into()),
+            (Err(error), _) => return Err(error.into()),
+            (_, Err(error)) => return Err(error),
+        };
+        let (tree, Self { scenario, registry, model }) = checked;
+        let scenario = scenario.with_tree(tree, &registry).map_err(|errors| refused(&errors))?;
+        Ok(Self { scenario, registry, model })
+    }
+
     /// How many nodes the scenario's tree has.
     pub(crate) fn n_nodes(&self) -> Result<usize> {
         Ok(self.scenario.build_tree(&self.registry)?.definition().count())
     }
 }
 
-fn refused(errors: &ScenarioErrors) -> BadInput {
+/// The cases of the test file at `path`.
+pub(crate) fn load_tests(assets: &Assets, path: &Path) -> Result<ScenarioTests, BadInput> {
+    ScenarioTests::load(path, &node_registry(), &vocabulary(assets)).map_err(|errors| refused(&errors))
+}
+
+pub(crate) fn refused(errors: &ScenarioErrors) -> BadInput {
     let (n_errors, n_warnings) = (errors.count(Severity::Error), errors.count(Severity::Warning));
     let mut summary = numbered(n_errors, "mistake");
     if n_warnings > 0 {
@@ -74,7 +109,7 @@ fn mistakes(scenario: &Scenario, assets: &Assets, profile: &HandProfile) -> Vec<
 }
 
 /// Every node a scenario can use.
-fn node_registry() -> Registry<SkillContext> {
+pub(crate) fn node_registry() -> Registry<SkillContext> {
     let mut registry = Registry::new();
     sfg_skills::register(&mut registry);
     registry
@@ -100,6 +135,11 @@ fn vocabulary(assets: &Assets) -> Vocabulary {
 pub(crate) fn schema_text(assets: &Assets) -> Result<String> {
     let schema = sfg_scenario::schema(node_registry().models(), &vocabulary(assets));
     Ok(serde_json::to_string_pretty(&schema)?)
+}
+
+/// The committed schema of test files.
+pub(crate) fn test_schema_text(assets: &Assets) -> Result<String> {
+    Ok(serde_json::to_string_pretty(&sfg_scenario::test_schema(&vocabulary(assets)))?)
 }
 
 /// Objects whose files are missing or broken, that cannot be made in the sizes asked for, or that cannot hold what is in them.

@@ -5,6 +5,7 @@ mod assets;
 mod check;
 mod exit;
 mod explain;
+mod files;
 mod pictures;
 mod plugins;
 mod preview;
@@ -16,6 +17,8 @@ mod sensed;
 mod statistics;
 mod stopped;
 mod sweep;
+mod test;
+mod tree;
 mod watch;
 
 use crate::assets::Assets;
@@ -49,9 +52,11 @@ struct Cli {
 enum Command {
     /// Runs a scenario and judges it.
     Run {
-        /// Scenario file.
+        /// Scenario file, or with --scene a tree in XML of BehaviorTree.CPP 4.
         #[arg(required_unless_present = "resume")]
         scenario: Option<PathBuf>,
+        #[command(flatten)]
+        scene: SceneOption,
         #[command(flatten)]
         options: RunOptions,
         /// Folder of a run that was stopped by Ctrl-C or --stop-after: goes on from there. The simulator is first brought to
@@ -74,11 +79,22 @@ enum Command {
     },
     /// Finds every mistake of a scenario without running it.
     Check {
-        /// Scenario file.
+        /// Scenario file, or with --scene a tree in XML of BehaviorTree.CPP 4.
         scenario: PathBuf,
+        #[command(flatten)]
+        scene: SceneOption,
         #[command(flatten)]
         set: SetOptions,
     },
+    /// Runs the cases of test files: trees of scenarios with preset results of their leaves, without a robot.
+    Test {
+        /// Test files.
+        #[arg(required = true, value_name = "FILE")]
+        files: Vec<PathBuf>,
+    },
+    /// Trees as files of BehaviorTree.CPP: export, import, model.
+    #[command(subcommand)]
+    Tree(tree::TreeCommand),
     /// Shows a past run and runs its tree again with the recorded results of its leaves.
     Replay(replay::ReplayOptions),
     /// Says what a failure reason means and what to do.
@@ -92,7 +108,19 @@ enum Command {
     #[command(subcommand)]
     Shard(sweep::ShardCommand),
     /// Prints the JSON Schema of scenario files.
-    Schema,
+    Schema {
+        /// That of test files instead.
+        #[arg(long)]
+        tests: bool,
+    },
+}
+
+/// Where a tree in XML runs.
+#[derive(clap::Args, Clone, Default)]
+struct SceneOption {
+    /// Scenario whose robot, scene, plugins, success and limits a tree in XML is run with.
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
 }
 
 #[derive(clap::Args, Clone, Default)]
@@ -160,24 +188,28 @@ fn execute(cli: Cli) -> Result<ExitCode> {
         None => {
             let assets = Assets::open(assets)?;
             let scenario = assets.folder.join("01_pour.yaml");
-            run_one(&assets, &scenario, &RunOptions { seed: 1, ..RunOptions::default() })
+            run_one(&assets, &scenario, None, &RunOptions { seed: 1, ..RunOptions::default() })
         }
-        Some(Command::Run { scenario, options, resume, preview }) => {
-            let assets = Assets::open(assets)?;
+        Some(Command::Run { scenario, scene, options, resume, preview }) => {
+            let (assets, scene) = (Assets::open(assets)?, scene.scene.as_deref());
             match (scenario, resume) {
-                (scenario, Some(run)) => resume_one(&assets, &run, scenario, &options),
-                (Some(scenario), None) if preview => preview::show(&Checked::load(&assets, &scenario, &options.set.set)?),
-                (scenario, None) => run_one(&assets, &scenario.unwrap_or_default(), &options),
+                (scenario, Some(run)) => resume_one(&assets, &run, scenario, scene, &options),
+                (Some(scenario), None) if preview => {
+                    preview::show(&Checked::load_in(&assets, &scenario, scene, &options.set.set)?)
+                }
+                (scenario, None) => run_one(&assets, &scenario.unwrap_or_default(), scene, &options),
             }
         }
+        Some(Command::Test { files }) => test::test(&Assets::open(assets)?, &files),
+        Some(Command::Tree(command)) => tree::execute(assets, &command),
         Some(Command::Replay(options)) => replay::show(&Assets::open(assets)?, &options),
         Some(Command::Say { sentence, scene, options }) => {
             let assets = Assets::open(assets)?;
             let scenario = scene.unwrap_or_else(|| assets.folder.join("01_pour.yaml"));
-            run_one(&assets, &scenario, &RunOptions { instruction: Some(sentence), ..options })
+            run_one(&assets, &scenario, None, &RunOptions { instruction: Some(sentence), ..options })
         }
-        Some(Command::Check { scenario, set }) => {
-            let checked = Checked::load(&Assets::open(assets)?, &scenario, &set.set)?;
+        Some(Command::Check { scenario, scene, set }) => {
+            let checked = Checked::load_in(&Assets::open(assets)?, &scenario, scene.scene.as_deref(), &set.set)?;
             let warnings = &checked.scenario.warnings;
             let n_warnings = warnings.count(Severity::Warning);
             if n_warnings > 0 {
@@ -193,36 +225,44 @@ fn execute(cli: Cli) -> Result<ExitCode> {
         }
         Some(Command::Sweep(options)) => sweep::sweep(&Assets::open(assets)?, &options),
         Some(Command::Shard(command)) => sweep::shard(&Assets::open(assets)?, &command),
-        Some(Command::Schema) => {
+        Some(Command::Schema { tests }) => {
             let assets = Assets::open(assets)?;
-            writeln!(std::io::stdout(), "{}", check::schema_text(&assets)?).context("cannot write the schema")?;
+            let text = if tests { check::test_schema_text(&assets)? } else { check::schema_text(&assets)? };
+            writeln!(std::io::stdout(), "{text}").context("cannot write the schema")?;
             Ok(ExitCode::SUCCESS)
         }
     }
 }
 
 /// Goes on with a run that was stopped.
-fn resume_one(assets: &Assets, run: &Path, scenario: Option<PathBuf>, options: &RunOptions) -> Result<ExitCode> {
+fn resume_one(
+    assets: &Assets,
+    run: &Path,
+    scenario: Option<PathBuf>,
+    scene: Option<&Path>,
+    options: &RunOptions,
+) -> Result<ExitCode> {
     let from = stopped::read(run)?;
     let scenario = scenario.unwrap_or_else(|| PathBuf::from(&from.scenario));
-    let checked = Checked::load(assets, &scenario, &options.set.set)?;
+    let checked = Checked::load_in(assets, &scenario, scene, &options.set.set)?;
     if sfg_skills::context::hash_bytes(checked.scenario.full_text().as_bytes()) != from.scenario_sha256 {
         let message =
             format!("{} is not the scenario of {} any more; run it from the beginning", scenario.display(), run.display());
         return Err(check::BadInput(message).into());
     }
     let options = RunOptions { instruction: Some(from.instruction.clone()), seed: from.seed, ..options.clone() };
-    run_checked(assets, &scenario, &checked, &options, Some(&from.stopped))
+    run_checked(assets, &scenario, scene, &checked, &options, Some(&from.stopped))
 }
 
-fn run_one(assets: &Assets, scenario: &Path, options: &RunOptions) -> Result<ExitCode> {
-    let checked = Checked::load(assets, scenario, &options.set.set)?;
-    run_checked(assets, scenario, &checked, options, None)
+fn run_one(assets: &Assets, scenario: &Path, scene: Option<&Path>, options: &RunOptions) -> Result<ExitCode> {
+    let checked = Checked::load_in(assets, scenario, scene, &options.set.set)?;
+    run_checked(assets, scenario, scene, &checked, options, None)
 }
 
 fn run_checked(
     assets: &Assets,
     scenario: &Path,
+    scene: Option<&Path>,
     checked: &Checked,
     options: &RunOptions,
     resumed: Option<&stopped::Stopped>,
@@ -240,7 +280,7 @@ fn run_checked(
         None => default_folder(scenario, options.seed)?,
     };
     say!("“{}” · {} · seed {}", instruction.as_str(), scenario.display(), options.seed);
-    let watched = options.watch.then(|| watch::Watch::new(assets, scenario, &options.set.set));
+    let watched = options.watch.then(|| watch::Watch::new(assets, scenario, scene, &options.set.set));
     let report = run::run(&run::RunRequest {
         scenario: &checked.scenario,
         registry: &checked.registry,

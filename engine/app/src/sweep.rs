@@ -7,6 +7,7 @@ use crate::INTERRUPTED;
 use crate::assets::Assets;
 use crate::check::{BadInput, Checked};
 use crate::exit::{self, Interrupted};
+use crate::files::write_whole;
 use crate::run::{RunRequest, run};
 use crate::say::{chain, say};
 use crate::statistics::wilson_interval;
@@ -17,7 +18,6 @@ use serde::{Deserialize, Serialize};
 use sfg_types::{Instruction, Outcome, PredicateResult};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
-use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -305,19 +305,6 @@ fn run_shard(job: &Job, shard: usize, out: &Path, assets: &Assets, progress: &dy
     let part = Part { job_id: job.id.clone(), units };
     write_whole(&path, &serde_json::to_vec_pretty(&part)?)?;
     Ok(part)
-}
-
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let write = || -> std::io::Result<()> {
-        std::fs::create_dir_all(folder)?;
-        let partial = path.with_extension("partial");
-        let mut file = std::fs::File::create(&partial)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        std::fs::rename(&partial, path)
-    };
-    write().with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// The merged result: what was run, how often it succeeded, and where it failed.

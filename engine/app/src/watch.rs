@@ -12,14 +12,16 @@ use std::time::SystemTime;
 pub(crate) struct Watch<'a> {
     assets: &'a Assets,
     path: &'a Path,
+    /// The scenario around a tree in XML.
+    scene: Option<&'a Path>,
     set: &'a [String],
     seen: Cell<Option<SystemTime>>,
 }
 
 impl<'a> Watch<'a> {
     /// Changes of the file at `path` from now on.
-    pub(crate) fn new(assets: &'a Assets, path: &'a Path, set: &'a [String]) -> Self {
-        Self { assets, path, set, seen: Cell::new(modified(path)) }
+    pub(crate) fn new(assets: &'a Assets, path: &'a Path, scene: Option<&'a Path>, set: &'a [String]) -> Self {
+        Self { assets, path, scene, set, seen: Cell::new(modified(path)) }
     }
 
     /// The scenario of a changed file. Its mistakes are printed, and the run goes on as it was.
@@ -28,7 +30,7 @@ impl<'a> Watch<'a> {
         if modified == self.seen.replace(modified) || modified.is_none() {
             return None;
         }
-        match Checked::load(self.assets, self.path, self.set) {
+        match Checked::load_in(self.assets, self.path, self.scene, self.set) {
             Ok(checked) => Some(checked.scenario),
             Err(error) => {
                 say!("not reloaded: {}", chain(&error));

@@ -106,6 +106,11 @@ impl Findings {
         Self { sources, mistakes }
     }
 
+    /// The files.
+    pub(crate) fn sources(&self) -> &[Source] {
+        &self.sources
+    }
+
     /// The mistakes in the order of the files.
     #[must_use]
     pub fn list(&self) -> &[Mistake] {

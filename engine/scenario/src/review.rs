@@ -418,6 +418,10 @@ impl<'a> Names<'a> {
                 if let Some(subtree) = subtrees.get(name.as_str()) {
                     let ports = subtree.ports.iter().map(|port| (port.name.as_str(), Some(port.name.as_str()), port.direction));
                     self.ports(node, ports.collect());
+                    if subtree.is_open {
+                        // Whatever it is given has that name inside, too.
+                        node.ports.iter().for_each(|setting| self.take(Some(&setting.name), Direction::InOut));
+                    }
                 }
             }
             NodeKind::Named(name) => {

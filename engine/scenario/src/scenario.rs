@@ -42,7 +42,7 @@ pub struct Scenario {
     pub sources: Arc<[Source]>,
     /// What was decided outside the files: parameters and variables of the environment, as given.
     pub settings: BTreeMap<String, String>,
-    places: Vec<Place>,
+    pub(crate) places: Vec<Place>,
 }
 
 /// Bounds of a run.
@@ -183,7 +183,7 @@ impl Scenario {
     }
 }
 
-fn mistake_of(error: BuildError, places: &[Place]) -> Mistake {
+pub(crate) fn mistake_of(error: BuildError, places: &[Place]) -> Mistake {
     let place = places.get(error.location as usize).copied().unwrap_or(Place::START);
     Mistake { help: error.help, ..Mistake::new(place, error.problem.to_string()) }
 }
@@ -268,8 +268,29 @@ fn read_tree<C>(
     let root = tree.and_then(|node| trees.node(node));
     let (places, spoilt, unread, entry_places) = (trees.places, trees.spoilt, trees.unread, trees.entry_places);
     let tree = TreeSpec { root: root?, subtrees: subtrees?, entries: entries?, ..TreeSpec::default() };
+    let written = Written { tree: &tree, places: &places, entry_places: &entry_places, spoilt: &spoilt, unread: &unread };
+    reader.mistakes.extend(check_tree(&written, registry, timeout_secs));
+    Some((tree, places))
+}
+
+/// A tree and where its parts were written.
+pub(crate) struct Written<'a> {
+    pub(crate) tree: &'a TreeSpec,
+    pub(crate) places: &'a [Place],
+    /// Where the keys of the blackboard's first entries stand.
+    pub(crate) entry_places: &'a [Place],
+    /// Nodes and ports that could not be read.
+    pub(crate) spoilt: &'a BTreeSet<u32>,
+    /// Subtrees that could not be read.
+    pub(crate) unread: &'a BTreeSet<String>,
+}
+
+/// What `registry` says against the tree, and what it cannot mean.
+pub(crate) fn check_tree<C>(written: &Written<'_>, registry: &Registry<C>, timeout_secs: Option<f64>) -> Vec<Mistake> {
+    let Written { tree, places, entry_places, spoilt, unread } = written;
+    let mut mistakes = Vec::new();
     let (mut can_be_walked, mut has_unknown_nodes, has_unread_nodes) = (true, false, !spoilt.is_empty());
-    if let Err(errors) = registry.build(&tree) {
+    if let Err(errors) = registry.build(tree) {
         let is_unread =
             |error: &BuildError| matches!(error.problem, Problem::UnknownNode { .. } | Problem::UnknownSubtree { .. });
         has_unknown_nodes = errors.iter().any(is_unread);
@@ -284,25 +305,25 @@ fn read_tree<C>(
             matches!(error.problem, Problem::RecursiveSubtree { .. } | Problem::TooDeep { .. } | Problem::TooLarge { .. })
         };
         can_be_walked = !errors.iter().any(is_endless);
-        reader.mistakes.extend(errors.into_iter().filter(|error| !is_consequence(error)).map(|mut error| {
+        mistakes.extend(errors.into_iter().filter(|error| !is_consequence(error)).map(|mut error| {
             error.help = error.help.or_else(|| help_for(&error.problem, registry.models()));
-            mistake_of(error, &places)
+            mistake_of(error, places)
         }));
     }
     if can_be_walked {
         let entry_keys: Vec<&str> = registry.entry_keys().collect();
         let reviewed = review::Reviewed {
-            tree: &tree,
+            tree,
             models: registry.models(),
             entry_keys: &entry_keys,
-            places: &places,
-            entry_places: &entry_places,
+            places,
+            entry_places,
             has_unread_nodes,
             has_unknown_nodes,
         };
-        reader.mistakes.extend(review::review(&reviewed, timeout_secs));
+        mistakes.extend(review::review(&reviewed, timeout_secs));
     }
-    Some((tree, places))
+    mistakes
 }
 
 impl Reader {

@@ -144,6 +144,7 @@ fn plain_schema(models: &[NodeModel], vocabulary: &Vocabulary) -> Value {
                     "in": subtree_ports("Keys that the subtree reads."),
                     "out": subtree_ports("Keys that the subtree writes."),
                     "inout": subtree_ports("Keys that the subtree reads and writes."),
+                    "open": {"type": "boolean", "default": false, "description": "Whether its users may connect keys that are no ports."},
                     "do": {"$ref": "#/$defs/node"}
                 }
             }
@@ -394,7 +395,7 @@ fn subtree_ports(doc: &str) -> Value {
     json!({"type": "array", "items": {"anyOf": [{"type": "string"}, with_default]}, "description": doc})
 }
 
-fn with_tree_reasons(reasons: &[String]) -> Vec<String> {
+pub(crate) fn with_tree_reasons(reasons: &[String]) -> Vec<String> {
     let own = sfg_tree::reason::ALL.iter().map(|reason| (*reason).to_owned());
     let mut all = reasons.to_vec();
     if !all.is_empty() {

@@ -12,7 +12,8 @@
 //!
 //! Beside its ports a node can have a `name` of its own and conditions: `skip_if`, `success_if`, `failure_if` and `while` decide
 //! before it is ticked, `on_success`, `on_failure`, `on_halted` and `post` run after it. A use of a subtree can also be given
-//! `autoremap: true`, and then shares every key with its user. A port that ends in `_rad` can be given in degrees: `q_deg`.
+//! `autoremap: true`, and then shares every key with its user. A subtree with `open: true` can be given any key beside its ports.
+//! A port that ends in `_rad` can be given in degrees: `q_deg`.
 
 use crate::angle::radians_key;
 use crate::document::{Key, Node, Value};
@@ -23,6 +24,9 @@ use sfg_tree::{
     SubtreeSpec, When, nearest,
 };
 use std::collections::{BTreeMap, BTreeSet};
+
+/// What a subtree may say.
+pub(crate) const SUBTREE_KEYS: &[&str] = &["in", "out", "inout", "open", "do"];
 
 /// Gives nodes numbers that lead back to their places, and knows the kinds of nodes.
 pub(crate) struct TreeReader<'a> {
@@ -308,15 +312,14 @@ impl TreeReader<'_> {
     }
 
     fn subtree(&mut self, key: &Key, body: &Node) -> Option<SubtreeSpec> {
-        const KEYS: &[&str] = &["in", "out", "inout", "do"];
-        if KEYS.contains(&key.text.as_str()) {
+        if SUBTREE_KEYS.contains(&key.text.as_str()) {
             let message = format!("no subtree can be called {:?}", key.text);
             self.reader.report_with_help(key.place, message, "indent it to make it a key of the subtree above");
             return None;
         }
         let location = self.locate(key.place);
         let what = format!("subtree {:?}", key.text);
-        let fields = self.reader.fields(&what, body, KEYS)?;
+        let fields = self.reader.fields(&what, body, SUBTREE_KEYS)?;
         let mut ports: Vec<SubtreePort> = Vec::new();
         for (list, direction) in [("in", Direction::In), ("out", Direction::Out), ("inout", Direction::InOut)] {
             let Some(list) = fields.get(list) else { continue };
@@ -330,7 +333,12 @@ impl TreeReader<'_> {
             }
         }
         let root = self.reader.required(&what, &fields, "do").and_then(|node| self.node(node))?;
-        Some(SubtreeSpec { name: key.text.clone(), ports, is_open: false, root, location })
+        let is_open = match fields.get("open").map(|node| (node, &node.value)) {
+            None => false,
+            Some((_, Value::Bool(is_open))) => *is_open,
+            Some((node, _)) => self.reader.wrong("open", node, "true or false")?,
+        };
+        Some(SubtreeSpec { name: key.text.clone(), ports, is_open, root, location })
     }
 
     fn subtree_port(&mut self, item: &Node, direction: Direction) -> Option<SubtreePort> {

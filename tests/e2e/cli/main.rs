@@ -7,7 +7,9 @@ mod language;
 mod recording;
 mod replay;
 mod runs;
+mod scenario_tests;
 mod sweeps;
+mod trees;
 
 use serde_json::Value;
 use std::fs::{self, File};
