@@ -383,10 +383,3 @@ fn damage(text: &mut String, random: &mut ChaCha8Rng) {
 fn damaged_scenarios_never_panic_and_never_take_long() {
     fuzz(5_000);
 }
-
-/// As many as `SFG_FUZZ_RUNS` says: `SFG_FUZZ_RUNS=1000000 cargo test --release -p sfg-app -- --ignored a_million`.
-#[test]
-#[ignore = "takes minutes"]
-fn a_million_damaged_scenarios_never_panic() {
-    fuzz(std::env::var("SFG_FUZZ_RUNS").ok().and_then(|n| n.parse().ok()).unwrap_or(1_000_000));
-}

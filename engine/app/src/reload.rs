@@ -2,42 +2,16 @@
 #![expect(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 use super::*;
-use crate::check::Checked;
 use std::cell::Cell;
-use std::path::Path;
 
 /// Runs a scenario text; at each look for changes, every 0.2 s of robot time, `change` may give another text.
 fn run_with(text: &str, change: &dyn Fn(u32) -> Option<String>) -> RunReport {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("scenario.yaml");
-    let assets = Assets::open(Some(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios"))).unwrap();
-    let load = |text: &str| {
-        std::fs::write(&path, text).unwrap();
-        Checked::load(&assets, &path, &[]).unwrap()
-    };
-    let checked = load(text);
-    let (never, n_looks) = (AtomicBool::new(false), Cell::new(0));
-    let watch = || {
+    let n_looks = Cell::new(0);
+    let watch = |load: &sensors_in::Load<'_>| {
         n_looks.set(n_looks.get() + 1);
         change(n_looks.get()).map(|text| load(&text).scenario)
     };
-    run(&RunRequest {
-        scenario: &checked.scenario,
-        registry: &checked.registry,
-        assets: &assets,
-        model: &checked.model,
-        instruction: checked.scenario.instruction.as_ref().unwrap().value.clone(),
-        seed: 5,
-        folder: None,
-        interrupted: &never,
-        simulator: Simulator::default(),
-        resumed: None,
-        stop_after: None,
-        groot2: None,
-        watch: &watch,
-        on_stage: &|_, _| {},
-    })
-    .unwrap()
+    sensors_in::run_watched(text, Simulator::default(), &watch)
 }
 
 const POUR: &str = include_str!("../../../scenarios/01_pour.yaml");

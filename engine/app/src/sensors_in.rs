@@ -8,11 +8,22 @@ use std::path::Path;
 
 /// Runs a scenario text with one change to the simulator.
 fn run_with(text: &str, simulator: Simulator<'_>) -> RunReport {
+    run_watched(text, simulator, &|_| None)
+}
+
+/// Loads a scenario from a text.
+pub(super) type Load<'a> = dyn Fn(&str) -> Checked + 'a;
+
+/// Runs a scenario text; `watch` may give another scenario while it runs, and gets what loads one from a text.
+pub(super) fn run_watched(text: &str, simulator: Simulator<'_>, watch: &dyn Fn(&Load<'_>) -> Option<Scenario>) -> RunReport {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scenario.yaml");
-    std::fs::write(&path, text).unwrap();
     let assets = Assets::open(Some(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios"))).unwrap();
-    let checked = Checked::load(&assets, &path, &[]).unwrap();
+    let load = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        Checked::load(&assets, &path, &[]).unwrap()
+    };
+    let checked = load(text);
     let never = AtomicBool::new(false);
     run(&RunRequest {
         scenario: &checked.scenario,
@@ -27,7 +38,7 @@ fn run_with(text: &str, simulator: Simulator<'_>) -> RunReport {
         resumed: None,
         stop_after: None,
         groot2: None,
-        watch: &|| None,
+        watch: &|| watch(&load),
         on_stage: &|_, _| {},
     })
     .unwrap()

@@ -17,6 +17,8 @@ use crate::literal::Literal;
 
 /// Longer scripts belong into a node.
 const MAX_BYTES: usize = 4096;
+/// The library's time for brackets that are never closed doubles with each.
+const MAX_NESTING: usize = 8;
 
 /// The value of an expression.
 #[derive(Clone, Debug, PartialEq)]
@@ -434,11 +436,20 @@ fn to_hcl(text: &str, piece: Range<usize>) -> Result<(String, Vec<usize>), Scrip
         origin.resize(hcl.len(), at);
     };
     let mut letters = text[piece.clone()].char_indices().map(|(at, letter)| (piece.start + at, letter)).peekable();
-    let (mut before, mut is_number) = (' ', false);
+    let (mut before, mut is_number, mut n_open) = (' ', false, 0_usize);
     while let Some((at, letter)) = letters.next() {
         let next = letters.peek().map_or(' ', |(_, next)| *next);
         if !before.is_alphanumeric() && before != '_' && before != '.' {
             is_number = letter.is_ascii_digit();
+        }
+        match letter {
+            '(' | '[' | '{' if quote.is_none() => n_open += 1,
+            ')' | ']' | '}' if quote.is_none() => n_open = n_open.saturating_sub(1),
+            _ => {}
+        }
+        if n_open > MAX_NESTING {
+            let message = format!("brackets are nested deeper than {MAX_NESTING}");
+            return Err(ScriptError { at: at..at + 1, message });
         }
         let mut buffer = [0; 4];
         let itself = letter.encode_utf8(&mut buffer);
@@ -575,7 +586,19 @@ mod tests {
         check("'a", Err("a text is not closed"));
         check("x := 1", Err("a condition assigns nothing; compare with `==`"));
         check("x; x", Err("a condition is one expression"));
-        check(&"(".repeat(3000), Err("no expression can be read here"));
+        check(&"(".repeat(3000), Err("brackets are nested deeper than 8"));
+        check("((((((((x))))))))", Ok("3"));
+    }
+
+    /// Long rows of one sign end in a mistake or a value, not in a full stack.
+    #[test]
+    fn long_rows_of_signs() {
+        for sign in ["!", "-", "a?", "1?1:", "1+", "1&&", "a.", "1;"] {
+            for n in [100, 1000, 4096 / sign.len()] {
+                drop(parse(&format!("{}1", sign.repeat(n)), true));
+                drop(parse(&format!("{}1", sign.repeat(n)), false));
+            }
+        }
     }
 
     #[test]
