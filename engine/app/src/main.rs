@@ -275,6 +275,16 @@ fn run_checked(
             return Err(check::BadInput(message).into());
         }
     };
+    if let Some(stage) = &options.stop_after {
+        let tree = checked.scenario.build_tree(&checked.registry)?;
+        let kinds: Vec<String> = tree.preview().steps.into_iter().map(|step| step.kind).collect();
+        if !kinds.contains(stage) {
+            let near = sfg_tree::nearest(stage, kinds.iter().map(String::as_str));
+            let help =
+                near.map_or_else(|| format!("its skills are {}", kinds.join(", ")), |near| format!("did you mean {near:?}?"));
+            return Err(check::BadInput(format!("--stop-after: the tree has no skill {stage:?}; {help}")).into());
+        }
+    }
     let folder = match &options.out {
         Some(folder) => folder.clone(),
         None => default_folder(scenario, options.seed)?,

@@ -33,6 +33,15 @@ pub(crate) fn show(assets: &Assets, options: &ReplayOptions) -> Result<ExitCode>
     let value = |key: &str| run.metadata.get(key).map_or("?", String::as_str);
     say!("“{}” · {} · seed {}", value("instruction"), value("scenario"), value("seed"));
     print_changes(&run.journal, options.all);
+    if !run.is_whole {
+        let end_secs = run.journal.last().map_or(0.0, |record| record.now_secs);
+        say!("the recording is cut off or damaged after {end_secs:.2} s: only what is there is replayed");
+    }
+    if run.metadata.contains_key("resumed") {
+        let message =
+            "the run was resumed, so that its tree did not begin anew: it cannot be replayed; replay the run it came from";
+        return Err(BadInput(message.to_owned()).into());
+    }
     let scenario = match &options.scenario {
         Some(scenario) => scenario.clone(),
         None => find_scenario(assets, Path::new(value("scenario"))).ok_or_else(|| {

@@ -175,13 +175,16 @@ impl Session<'_> {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("cannot make the run folder {}; choose another with --out", folder.display()))?;
         let scenario = self.request.scenario;
-        let metadata = BTreeMap::from([
+        let mut metadata = BTreeMap::from([
             ("scenario".to_owned(), scenario.path().display().to_string()),
             ("scenario_sha256".to_owned(), sfg_skills::context::hash_bytes(scenario.full_text().as_bytes())),
             ("seed".to_owned(), self.request.seed.to_string()),
             ("engine_version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             ("instruction".to_owned(), self.request.instruction.as_str().to_owned()),
         ]);
+        if self.request.resumed.is_some() {
+            metadata.insert("resumed".to_owned(), "true".to_owned());
+        }
         self.recording = Some(Recording::create(&folder.join("run.mcap"), &metadata)?);
         // A report of an earlier run would belong to another recording.
         for name in ["report.json", "report.html", crate::stopped::FILE] {
@@ -346,7 +349,9 @@ impl Session<'_> {
                     server.show(tree);
                 }
                 let list = |sign: &str, paths: &[String]| paths.iter().map(|path| format!(" {sign}{path}")).collect::<String>();
-                say!("reloaded:{}{}", list("+", &reloaded.added), list("-", &reloaded.removed));
+                let changes = list("+", &reloaded.added) + &list("-", &reloaded.removed);
+                let changes = if changes.is_empty() { " no node came or went".to_owned() } else { changes };
+                say!("reloaded the tree:{changes}");
             }
             Err(EditError::Build(_)) => say!("not reloaded: {} no longer fits", scenario.path().display()),
             Err(error) => say!("not reloaded: {error}"),

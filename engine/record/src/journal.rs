@@ -91,6 +91,8 @@ pub struct RecordedRun {
     pub metadata: std::collections::BTreeMap<String, String>,
     /// The journal in order.
     pub journal: Vec<NamedRecord>,
+    /// Whether the file was read to its end.
+    pub is_whole: bool,
 }
 
 /// Reads a recording, also one that was cut off: what is there is read.
@@ -108,6 +110,7 @@ pub fn read_run(path: &Path) -> Result<RecordedRun, RecordError> {
         n_records += 1;
         match record {
             Ok(mcap::records::Record::Metadata(metadata)) if metadata.name == "run" => run.metadata = metadata.metadata,
+            Ok(mcap::records::Record::DataEnd(_)) => run.is_whole = true,
             Ok(mcap::records::Record::Channel(found)) if found.topic == TOPIC => channel = Some(found.id),
             Ok(mcap::records::Record::Message { header, data }) if Some(header.channel_id) == channel => {
                 let message =
@@ -121,7 +124,9 @@ pub fn read_run(path: &Path) -> Result<RecordedRun, RecordError> {
         }
     }
     if channel.is_none() {
-        return Err(unreadable(format!("it has no {TOPIC}; it was recorded by an older program")));
+        return Err(unreadable(format!(
+            "it has no {TOPIC}: it is damaged, cut off at its beginning, or was recorded by an older program"
+        )));
     }
     Ok(run)
 }
@@ -158,6 +163,7 @@ fn status(name: &str) -> Result<Status, String> {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
     use super::*;
+    use sfg_types::{HandCommand, RobotState};
     use std::collections::BTreeMap;
 
     #[test]
@@ -185,11 +191,26 @@ mod tests {
         recording.journal(&journal).unwrap();
         recording.finish(1.0, &json!({})).unwrap();
         let run = read_run(&path).unwrap();
-        assert_eq!((run.journal, run.metadata), (journal, metadata));
-        // Cut off in the middle of its end.
+        assert_eq!((run.journal, run.metadata, run.is_whole), (journal, metadata, true));
+        // Cut off in its summary: every message is there.
         let bytes = std::fs::read(&path).unwrap();
         std::fs::write(&path, &bytes[..bytes.len() - 40]).unwrap();
-        assert_eq!(read_run(&path).unwrap().journal.len(), 8);
+        let cut = read_run(&path).unwrap();
+        assert_eq!((cut.journal.len(), cut.is_whole), (8, true));
+        // A run that was killed.
+        let mut recording = Recording::create(&path, &BTreeMap::new()).unwrap();
+        recording.journal(&cut.journal).unwrap();
+        recording.robot(&crate::RobotSample { state: &killed(), q_command: &[], hand_command: HandCommand::default() }).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        drop(recording);
+        std::fs::write(&path, bytes).unwrap();
+        let cut = read_run(&path).unwrap();
+        assert_eq!((cut.journal.len(), cut.is_whole), (8, false));
+    }
+
+    /// A sample late enough to have everything before it written out.
+    fn killed() -> RobotState {
+        RobotState { stamp_secs: 10.0, ..RobotState::default() }
     }
 
     #[test]

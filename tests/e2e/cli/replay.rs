@@ -63,6 +63,11 @@ fn a_stopped_run_goes_on_where_it_stood() {
     // The first motion goes on, the second one follows.
     assert_eq!(resumed.matches("move_joints").count(), 2, "{resumed}");
 
+    let replayed = sfg(folder.path(), &["replay", text(&second)]).ended_with(2).stderr;
+    assert!(replayed.contains("the run was resumed"), "{replayed}");
+    let misspelt = sfg(folder.path(), &["run", text(&scenario), "--stop-after", "move_joint"]).ended_with(2).stderr;
+    assert!(misspelt.contains("did you mean \"move_joints\"?"), "{misspelt}");
+
     fs::write(&scenario, SCRIPTED.replace("speed: 0.3", "speed: 0.2")).unwrap();
     let changed = sfg(folder.path(), &["run", "--resume", text(&first)]).ended_with(2).stderr;
     assert!(changed.contains("is not the scenario of"), "{changed}");
