@@ -226,12 +226,16 @@ impl Robot {
         Ok(())
     }
 
-    /// Sends a set point that was sent before, without the limits that it has already passed: brings a simulated robot to where
-    /// an earlier run stopped.
+    /// Sends a set point that was sent before, within the same limits: brings a simulated robot to where an earlier run stopped.
     ///
     /// # Errors
+    /// [`RobotError::Limit`] when the set point is outside the limits, as one out of a changed file may be: the robot is then stopped.
     /// [`RobotError::Driver`] when the driver fails.
     pub fn repeat(&mut self, command: &RobotCommand) -> Result<(), RobotError> {
+        if let Err(violation) = self.limiter.check(&self.sent, command, self.period_secs) {
+            self.stop()?;
+            return Err(RobotError::Limit(violation.to_string()));
+        }
         self.driver.command(command)?;
         self.sent = command.clone();
         self.hand_target = command.hand;

@@ -206,6 +206,13 @@ impl Session<'_> {
                 .repeat(command)
                 .map_err(|error| BadInput(format!("the robot cannot be brought to where it was: {error}")))?;
         }
+        let (now_secs, then_secs) = (skills.robot.now_secs(), stopped.tree.now_secs);
+        if now_secs < then_secs {
+            let message = format!(
+                "the saved set points end at {now_secs:.2} s and the tree stopped at {then_secs:.2} s: the file is damaged"
+            );
+            return Err(BadInput(message).into());
+        }
         self.sent.clone_from(&stopped.sent);
         self.meant.clone_from(&stopped.meant);
         tree.resume(&stopped.tree, skills).map_err(|errors| BadInput(errors[0].to_string()))?;

@@ -5,7 +5,7 @@ use crate::blackboard::{self, Slot};
 use crate::leaf::{LeafKind, WAITING};
 use crate::literal::{FromLiteral as _, Literal};
 use crate::status::{Failure, Progress, Status};
-use crate::tree::{FailureAt, Kind, NONE, NodeId, Tree};
+use crate::tree::{FailureAt, Kind, NONE, Node, NodeId, Tree};
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use thiserror::Error;
@@ -81,6 +81,12 @@ pub enum ResumeError {
         path: String,
         /// Its kind.
         kind: String,
+    },
+    /// What a node remembers points beyond its children: the state was damaged.
+    #[error("{path}: its saved memory does not fit its children")]
+    Memory {
+        /// Its path.
+        path: String,
     },
     /// An entry that a later node reads could not be saved.
     #[error("blackboard key {key:?} is lost: a value of type {type_name} cannot be saved, and {reader} reads it")]
@@ -165,6 +171,9 @@ impl<C> Tree<C> {
                 None => errors.push(ResumeError::Node { path, kind }),
                 Some(&id) => {
                     let node_now = &self.nodes[id as usize];
+                    if !fits(node_now, node) {
+                        errors.push(ResumeError::Memory { path: path.clone() });
+                    }
                     let is_action = self
                         .leaves
                         .get(node_now.leaf as usize)
@@ -294,6 +303,16 @@ impl<C> Tree<C> {
             }
         };
         self.set_status(id, status);
+    }
+}
+
+/// Whether the child that a saved node stands at exists.
+fn fits(node: &Node, saved: &NodeState) -> bool {
+    let cursor = saved.memory[0];
+    match node.kind {
+        Kind::ReactiveSequence | Kind::ReactiveFallback | Kind::Switch => cursor == NONE || cursor < node.n_children,
+        Kind::IfThenElse | Kind::TryCatch | Kind::Recover => saved.status != Status::Running || cursor < node.n_children,
+        _ => true,
     }
 }
 

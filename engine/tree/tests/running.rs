@@ -195,6 +195,17 @@ fn what_cannot_be_resumed_is_said_before_anything_starts() {
 }
 
 #[test]
+fn a_damaged_state_is_refused() {
+    let text = "sequence[if_then_else[c?S a=RRS b=S]]";
+    let mut tree = build(text);
+    tree.tick(0.0, &mut Events::new());
+    let mut state = tree.save();
+    state.nodes.iter_mut().filter(|node| node.kind == "if_then_else").for_each(|node| node.memory[0] = 7);
+    let errors = build(text).resume(&state, &mut Events::new()).unwrap_err();
+    assert_eq!(errors, [ResumeError::Memory { path: "sequence/if_then_else".to_owned() }]);
+}
+
+#[test]
 fn a_type_with_a_literal_form_is_saved() {
     #[derive(Debug, PartialEq)]
     struct Pose(f64);

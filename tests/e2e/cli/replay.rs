@@ -63,6 +63,15 @@ fn a_stopped_run_goes_on_where_it_stood() {
     // The first motion goes on, the second one follows.
     assert_eq!(resumed.matches("move_joints").count(), 2, "{resumed}");
 
+    // Set points out of a changed file pass the engine's limits like any others.
+    let state = fs::read_to_string(first.join("state.json")).unwrap();
+    let mut changed: serde_json::Value = serde_json::from_str(&state).unwrap();
+    changed["sent"][0]["q"][3] = serde_json::json!(0.5);
+    fs::write(first.join("state.json"), changed.to_string()).unwrap();
+    let unsafe_ = sfg(folder.path(), &["run", "--resume", text(&first)]).ended_with(2).stderr;
+    assert!(unsafe_.contains("the robot cannot be brought to where it was") && unsafe_.contains("joint4"), "{unsafe_}");
+    fs::write(first.join("state.json"), state).unwrap();
+
     let replayed = sfg(folder.path(), &["replay", text(&second)]).ended_with(2).stderr;
     assert!(replayed.contains("the run was resumed"), "{replayed}");
     let misspelt = sfg(folder.path(), &["run", text(&scenario), "--stop-after", "move_joint"]).ended_with(2).stderr;
@@ -85,4 +94,12 @@ fn a_pour_goes_on_after_the_lift() {
     assert!(!resumed.contains("close_hand") && resumed.contains("pour"), "{resumed}");
     let log = fs::read(second.join("run.btlog")).unwrap();
     assert!(log.starts_with(b"BTCPP4-FileLogger2"));
+
+    // A robot that would not stand where the tree stopped.
+    let state = fs::read_to_string(first.join("state.json")).unwrap();
+    let mut changed: serde_json::Value = serde_json::from_str(&state).unwrap();
+    changed["sent"] = serde_json::json!([]);
+    fs::write(first.join("state.json"), changed.to_string()).unwrap();
+    let refused = sfg(folder.path(), &["run", "--resume", text(&first)]).ended_with(2).stderr;
+    assert!(refused.contains("the file is damaged"), "{refused}");
 }
