@@ -131,7 +131,21 @@ impl<'a> ArmScene<'a> {
     /// # Errors
     /// Where and why the arm cannot go on.
     pub fn straight(&self, start_q: &[f64], waypoints: &[Pose]) -> Result<Vec<Vec<f64>>, Miss> {
-        match cartesian_path(self.chain(), start_q, waypoints, &CartesianSettings::default(), None) {
+        self.straight_towards(start_q, waypoints, None)
+    }
+
+    /// As [`Self::straight`], with the arm drawn towards `posture_q` on its way.
+    ///
+    /// # Errors
+    /// Where and why the arm cannot go on.
+    pub fn straight_towards(
+        &self,
+        start_q: &[f64],
+        waypoints: &[Pose],
+        posture_q: Option<&[f64]>,
+    ) -> Result<Vec<Vec<f64>>, Miss> {
+        let settings = CartesianSettings { posture_q: posture_q.map(<[f64]>::to_vec), ..CartesianSettings::default() };
+        match cartesian_path(self.chain(), start_q, waypoints, &settings, None) {
             CartesianOutcome::Found(path) => Ok(path),
             CartesianOutcome::Stopped { waypoint_idx, stop, .. } => {
                 let position_m = match &stop {

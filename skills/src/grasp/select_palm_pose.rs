@@ -7,7 +7,7 @@ use crate::arm::{ArmScene, Miss, PLAN_SPEED};
 use crate::context::{SkillContext, SkillFailure, StageNote, hash_of};
 use crate::grasp::reconstruct_object::Reconstruction;
 use crate::grasp::synthesize_grasp::arrival_shape;
-use crate::post_grasp::pour::{PourTask, plan_pour};
+use crate::post_grasp::pour::{PourSearch, PourTask, plan_pour};
 use sfg_tree::{PortSpec, Registry};
 use sfg_types::{
     FailureReason, GraspFunctionality, ObjectCluster, PalmPoseCandidate, PlannedGrasp, Point, Pose, Rejected, RejectionReason,
@@ -133,7 +133,7 @@ fn follow_configuration(
     let lift_q = &lift_path[lift_path.len() - 1];
     if let Some(pour) = pour {
         let palm_from_vessel = base_from_grasp.inverse() * pour.shape.base_from_vessel;
-        plan_pour(scene, lift_q, &palm_from_vessel, pour).map_err(|reason| (3, reason))?;
+        plan_pour(scene, lift_q, &palm_from_vessel, pour, PourSearch::KeepPosture).map_err(|reason| (3, reason))?;
     }
     let transit = scene
         .plan(start_q, &standoff_q, PLAN_SPEED)

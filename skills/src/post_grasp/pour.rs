@@ -7,6 +7,7 @@ use crate::post_grasp::fill::{HeightMap, poured_ml, surface_inside};
 use crate::post_grasp::held_pose::{HeldPose, Outline, fit_held_pose, points_near};
 use crate::post_grasp::pour_path::{PourSettings, PourTarget, VesselShape, pour_palm_path, vessel_shape};
 use crate::saved::starts_anew;
+use sfg_planning::CollisionModel;
 use sfg_tree::{Action, Literal, Outcome, PortSpec, Progress, Registry, Tick};
 use sfg_types::{FailureReason, JointTrajectory, ObjectCluster, Pose, RejectionReason, SceneInventory, Selection};
 
@@ -48,6 +49,8 @@ const TURNS_DEG: [f64; 11] = [0.0, -30.0, 30.0, -60.0, 60.0, -90.0, 90.0, -120.0
 const FLOWS_DEG: [f64; 8] = [90.0, -90.0, 60.0, -60.0, 120.0, -120.0, 30.0, -30.0];
 /// Rim clearances that are tried: a low pour spills less, a high one leaves room for the hand.
 const CLEARANCES_M: [f64; 3] = [0.035, 0.06, 0.09];
+/// Postures of the arm over the target that are tried.
+const N_POSTURES: usize = 4;
 /// Share of the speed limits with a full vessel.
 const CARRY_SPEED: f64 = 0.35;
 /// Afterwards the palm goes this far from the target's centre, seen from above, so that the cameras see into it, metres.
@@ -55,30 +58,28 @@ const CLEAR_M: f64 = 0.3;
 /// Spacing of poses along the carry.
 const CARRY_STEP_M: f64 = 0.02;
 
-/// Arm paths for the first way of pouring that the arm can follow.
-///
-/// # Errors
-/// The reason of the attempt that came furthest.
-pub fn plan_pour(
-    scene: &ArmScene<'_>,
-    lift_q: &[f64],
-    palm_from_vessel: &Pose,
-    task: &PourTask,
-) -> Result<PourPlan, RejectionReason> {
+/// How hard a way to pour is looked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PourSearch {
+    /// The arm keeps its posture: enough to compare candidates.
+    KeepPosture,
+    /// When that fails the arm may also turn its elbow on the way.
+    ChangePosture,
+}
+
+/// One way to pour: where the palm goes.
+struct PourWay {
+    carry_poses: Vec<Pose>,
+    tilt_poses: Vec<Pose>,
+    heading_rad: f64,
+}
+
+/// Every way to pour that is tried, low and simple ones first.
+fn pour_ways(base_from_lift: &Pose, palm_from_vessel: &Pose, task: &PourTask) -> Vec<PourWay> {
     let base_from_palm = task.shape.base_from_vessel * palm_from_vessel.inverse();
     let approach = base_from_palm.rotation * nalgebra::Vector3::z();
     let approach_azimuth_rad = approach.y.atan2(approach.x);
-    let carrying = scene.with_vessel(&task.shape, palm_from_vessel);
-    let mut furthest: Option<(usize, RejectionReason)> = None;
-    let mut keep = |n_passed: usize, reason: RejectionReason| {
-        if furthest.as_ref().is_none_or(|(most, _)| n_passed > *most) {
-            furthest = Some((n_passed, reason));
-        }
-    };
-    let unreachable = |key_pose: &str, miss: &Miss| RejectionReason::NoInverseKinematics {
-        key_pose: key_pose.to_owned(),
-        miss_m: miss.position_m,
-    };
+    let mut ways = Vec::new();
     for rim_clearance_m in CLEARANCES_M {
         let settings = PourSettings { rim_clearance_m, ..task.settings };
         for (flow_deg, turn_deg) in FLOWS_DEG.into_iter().flat_map(|flow| TURNS_DEG.map(|turn| (flow, turn))) {
@@ -89,32 +90,78 @@ pub fn plan_pour(
             let heading_rad = approach_azimuth_rad + (flow_deg + turn_deg).to_radians();
             let shape = VesselShape { base_from_vessel: task.shape.base_from_vessel * turn, ..task.shape };
             let tilt_poses = pour_palm_path(&shape, palm_from_vessel, &task.target, heading_rad, &settings);
-            let carry_poses = carry_palm_path(&scene.palm_pose(lift_q), &tilt_poses[0]);
-            let carry = match scene.straight(lift_q, &carry_poses) {
-                Ok(carry) => carry,
-                Err(miss) => {
-                    keep(0, unreachable("carry", &miss));
+            let carry_poses = carry_palm_path(base_from_lift, &tilt_poses[0]);
+            ways.push(PourWay { carry_poses, tilt_poses, heading_rad });
+        }
+    }
+    ways
+}
+
+/// Arm paths for the first way of pouring that the arm can follow.
+///
+/// # Errors
+/// The reason of the attempt that came furthest.
+pub fn plan_pour(
+    scene: &ArmScene<'_>,
+    lift_q: &[f64],
+    palm_from_vessel: &Pose,
+    task: &PourTask,
+    search: PourSearch,
+) -> Result<PourPlan, RejectionReason> {
+    let carrying = scene.with_vessel(&task.shape, palm_from_vessel);
+    let ways = pour_ways(&scene.palm_pose(lift_q), palm_from_vessel, task);
+    let mut furthest: Option<(usize, RejectionReason)> = None;
+    let mut keep = |(n_passed, reason): (usize, RejectionReason)| {
+        if furthest.as_ref().is_none_or(|(most, _)| n_passed > *most) {
+            furthest = Some((n_passed, reason));
+        }
+    };
+    for way in &ways {
+        match follow(scene, &carrying, lift_q, way, None) {
+            Ok(plan) => return Ok(plan),
+            Err(missed) => keep(missed),
+        }
+    }
+    if search == PourSearch::ChangePosture {
+        for way in &ways {
+            for posture_q in scene.configurations(&way.tilt_poses[0], lift_q, N_POSTURES).unwrap_or_default() {
+                if carrying.contact(&posture_q).is_some() {
                     continue;
                 }
-            };
-            let tilt = match scene.straight(&carry[carry.len() - 1], &tilt_poses) {
-                Ok(tilt) => tilt,
-                Err(miss) => {
-                    keep(1 + miss.n_reached, unreachable("tilt", &miss));
-                    continue;
+                match follow(scene, &carrying, lift_q, way, Some(&posture_q)) {
+                    Ok(plan) => return Ok(plan),
+                    Err(missed) => keep(missed),
                 }
-            };
-            let touched = carry.iter().step_by(4).map(|q| ("carry", q)).chain(tilt.iter().step_by(2).map(|q| ("tilt", q)));
-            let touched = touched.map(|(key_pose, q)| (key_pose, carrying.contact(q))).find(|(_, contact)| contact.is_some());
-            if let Some((key_pose, Some(contact))) = touched {
-                let with = contact.to_string();
-                keep(2 + tilt_poses.len(), RejectionReason::Collision { key_pose: key_pose.to_owned(), with });
-                continue;
             }
-            return Ok(PourPlan { carry, tilt, heading_rad });
         }
     }
     Err(furthest.map_or(RejectionReason::NoPath { segment: "pour".to_owned() }, |(_, reason)| reason))
+}
+
+/// Arm paths along `way`; otherwise how far it came and why not further.
+fn follow(
+    scene: &ArmScene<'_>,
+    carrying: &CollisionModel,
+    lift_q: &[f64],
+    way: &PourWay,
+    posture_q: Option<&[f64]>,
+) -> Result<PourPlan, (usize, RejectionReason)> {
+    let unreachable = |n_passed: usize, key_pose: &str, miss: &Miss| {
+        let key_pose = key_pose.to_owned();
+        (n_passed, RejectionReason::NoInverseKinematics { key_pose, miss_m: miss.position_m })
+    };
+    let carry = scene.straight_towards(lift_q, &way.carry_poses, posture_q).map_err(|miss| unreachable(0, "carry", &miss))?;
+    let tilt = scene
+        .straight(&carry[carry.len() - 1], &way.tilt_poses)
+        .map_err(|miss| unreachable(1 + miss.n_reached, "tilt", &miss))?;
+    let touched = carry.iter().step_by(4).map(|q| ("carry", q)).chain(tilt.iter().step_by(2).map(|q| ("tilt", q)));
+    for (key_pose, q) in touched {
+        if let Some(contact) = carrying.contact(q) {
+            let (key_pose, with) = (key_pose.to_owned(), contact.to_string());
+            return Err((2 + way.tilt_poses.len(), RejectionReason::Collision { key_pose, with }));
+        }
+    }
+    Ok(PourPlan { carry, tilt, heading_rad: way.heading_rad })
 }
 
 /// How the vessel lies in the hand.
@@ -365,7 +412,7 @@ impl Action<SkillContext> for Pour {
             let scene = ArmScene::new(&context.robot, &inventory, Some(object.id), context.robot.synergy(), context.seed);
             let q = context.robot.sent().q.clone();
             // The fitted vessel may lean in the hand; it is carried upright.
-            let plan = plan_pour(&scene, &q, &held.palm_from_vessel, &task)
+            let plan = plan_pour(&scene, &q, &held.palm_from_vessel, &task, PourSearch::ChangePosture)
                 .map_err(|reason| SkillFailure::new(FailureReason::NoPath, reason.to_string()))?;
             self.held = Some(held);
             let time =
