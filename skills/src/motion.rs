@@ -25,6 +25,8 @@ pub struct Follower {
     beside: Vec<f64>,
 }
 
+/// An arm farther from a motion than this does not take it up: the way there was not checked, radians.
+pub(crate) const MAX_BESIDE_RAD: f64 = 0.2;
 /// An arm that takes up a trajectory in the middle is on it after this time.
 const TAKE_UP_SECS: f64 = 1.0;
 

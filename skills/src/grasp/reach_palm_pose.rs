@@ -2,7 +2,7 @@
 
 use crate::context::{SkillContext, SkillFailure, StageNote, hash_of};
 use crate::grasp::synthesize_grasp::arrival_shape;
-use crate::motion::Follower;
+use crate::motion::{Follower, MAX_BESIDE_RAD};
 use crate::saved::starts_anew;
 use sfg_plugin::ClosingPlan;
 use sfg_tree::{Action, Literal, Outcome, PortSpec, Progress, Registry, Tick};
@@ -10,9 +10,6 @@ use sfg_types::{FailureReason, Selection};
 
 /// The palm may end this far from where it was planned.
 const MAX_PALM_ERROR_M: f64 = 0.01;
-
-/// An arm that stands farther from the planned motion does not take it up again.
-const MAX_BESIDE_RAD: f64 = 0.2;
 
 /// `reach_palm_pose`: Running on the way; Success at the palm pose; Failure `tracking_lost`. Halt brings the arm to rest.
 #[derive(Default)]

@@ -7,7 +7,7 @@ use crate::arm::{ArmScene, Miss, PLAN_SPEED};
 use crate::context::{SkillContext, SkillFailure, StageNote, hash_of};
 use crate::grasp::reconstruct_object::Reconstruction;
 use crate::grasp::synthesize_grasp::arrival_shape;
-use crate::post_grasp::pour::{PourSearch, PourTask, plan_pour};
+use crate::post_grasp::pour_plan::{PourSearch, PourTask, plan_pour};
 use sfg_tree::{PortSpec, Registry};
 use sfg_types::{
     FailureReason, GraspFunctionality, ObjectCluster, PalmPoseCandidate, PlannedGrasp, Point, Pose, Rejected, RejectionReason,

@@ -1,6 +1,7 @@
 //! How much lies in an open vessel, as the cameras see it from above.
 
 use crate::post_grasp::pour_path::PourTarget;
+use serde::{Deserialize, Serialize};
 use sfg_types::{Observation, Point};
 
 /// Side of a cell of the height map: about two pixels at the working distance.
@@ -14,11 +15,11 @@ const HEAP_M: f64 = 0.012;
 const MIN_CELLS: usize = 40;
 
 /// Height of the visible surface inside a vessel's opening, on a square grid about its centre.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeightMap {
     n_cells: usize,
-    /// Median height of each cell in the base frame, metres; NaN where nothing was seen.
-    heights_m: Vec<f64>,
+    /// Median height of each cell in the base frame, metres; nothing where nothing was seen.
+    heights_m: Vec<Option<f64>>,
 }
 
 /// The surface inside `target` as all views together see it.
@@ -54,7 +55,7 @@ pub fn surface_inside(observation: &Observation, target: &PourTarget, table_heig
         .into_iter()
         .map(|mut cell| {
             cell.sort_by(f64::total_cmp);
-            cell.get(cell.len() / 2).copied().unwrap_or(f64::NAN)
+            cell.get(cell.len() / 2).copied()
         })
         .collect();
     HeightMap { n_cells, heights_m }
@@ -81,13 +82,8 @@ pub fn poured_ml(before: &HeightMap, after: &HeightMap, target: &PourTarget) -> 
     if before.n_cells != after.n_cells {
         return None;
     }
-    let rises: Vec<f64> = before
-        .heights_m
-        .iter()
-        .zip(&after.heights_m)
-        .map(|(before, after)| after - before)
-        .filter(|rise| rise.is_finite())
-        .collect();
+    let rises: Vec<f64> =
+        before.heights_m.iter().zip(&after.heights_m).filter_map(|(before, after)| Some((*after)? - (*before)?)).collect();
     if rises.len() < MIN_CELLS {
         return None;
     }

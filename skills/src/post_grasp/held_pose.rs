@@ -5,6 +5,7 @@
 
 use crate::post_grasp::pour_path::{VesselShape, cross_section};
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 use sfg_geometry::{Oval, cloud};
 use sfg_plugin::SelfSphere;
 use sfg_types::{ObjectCluster, Observation, Point, Pose};
@@ -82,7 +83,7 @@ impl Outline {
 }
 
 /// A fitted pose and how well it explains the points.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldPose {
     /// The vessel: base centre, +Z to the mouth.
     pub base_from_vessel: Pose,

@@ -4,3 +4,4 @@ pub mod fill;
 pub mod held_pose;
 pub mod pour;
 pub mod pour_path;
+pub mod pour_plan;
