@@ -14,6 +14,10 @@ use std::fmt;
 
 /// Share of the speed limits away from things.
 pub const PLAN_SPEED: f64 = 0.4;
+/// Steps of a bent line.
+const BENT_STEP_RAD: f64 = 0.05;
+/// Bending moves a joint this much more than the line at most.
+const MAX_BENT_JUMP_RAD: f64 = 0.15;
 /// Name of the object that is grasped among the obstacles.
 const TARGET: &str = "the object";
 /// Name of the table among the obstacles.
@@ -131,21 +135,7 @@ impl<'a> ArmScene<'a> {
     /// # Errors
     /// Where and why the arm cannot go on.
     pub fn straight(&self, start_q: &[f64], waypoints: &[Pose]) -> Result<Vec<Vec<f64>>, Miss> {
-        self.straight_towards(start_q, waypoints, None)
-    }
-
-    /// As [`Self::straight`], with the arm drawn towards `posture_q` on its way.
-    ///
-    /// # Errors
-    /// Where and why the arm cannot go on.
-    pub fn straight_towards(
-        &self,
-        start_q: &[f64],
-        waypoints: &[Pose],
-        posture_q: Option<&[f64]>,
-    ) -> Result<Vec<Vec<f64>>, Miss> {
-        let settings = CartesianSettings { posture_q: posture_q.map(<[f64]>::to_vec), ..CartesianSettings::default() };
-        match cartesian_path(self.chain(), start_q, waypoints, &settings, None) {
+        match cartesian_path(self.chain(), start_q, waypoints, &CartesianSettings::default(), None) {
             CartesianOutcome::Found(path) => Ok(path),
             CartesianOutcome::Stopped { waypoint_idx, stop, .. } => {
                 let position_m = match &stop {
@@ -155,6 +145,33 @@ impl<'a> ArmScene<'a> {
                 Err(Miss { position_m, n_reached: waypoint_idx, why: why(&stop) })
             }
         }
+    }
+
+    /// Configurations from `start_q` to `goal_q` along the straight line between them, each bent to the palm pose that `bend` makes of
+    /// its share of the way and its own palm pose. At both ends `bend` must leave the pose as it is.
+    ///
+    /// # Errors
+    /// Where and why the arm cannot go on.
+    pub fn bent(&self, start_q: &[f64], goal_q: &[f64], bend: impl Fn(f64, &Pose) -> Pose) -> Result<Vec<Vec<f64>>, Miss> {
+        let settings = IkSettings { max_starts: 1, ..IkSettings::default() };
+        let gap = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let n_steps = (gap(start_q, goal_q) / BENT_STEP_RAD).ceil().max(1.0) as usize;
+        let mut path = vec![start_q.to_vec()];
+        for step in 1..=n_steps {
+            let share = step as f64 / n_steps as f64;
+            let on_line: Vec<f64> = start_q.iter().zip(goal_q).map(|(a, b)| a + share * (b - a)).collect();
+            let wanted = bend(share, &self.palm_pose(&on_line));
+            let miss = |position_m, why: &str| Miss { position_m, n_reached: step - 1, why: why.to_owned() };
+            let q = match IkSolver::solve(self.chain(), &wanted, &on_line, &settings, &mut self.rng()) {
+                IkOutcome::Solved { q, .. } => q,
+                IkOutcome::Failed { position_miss_m, .. } => return Err(miss(position_miss_m, "out of reach on the way")),
+            };
+            if gap(&path[step - 1], &q) > MAX_BENT_JUMP_RAD {
+                return Err(miss(0.0, "a joint would have to jump"));
+            }
+            path.push(q);
+        }
+        Ok(path)
     }
 
     /// What the arm or the open hand touches, the object included.

@@ -21,8 +21,6 @@ pub struct CartesianSettings {
     pub max_deviation_rad: f64,
     /// Distance of collision checks. Default 1/512 rad.
     pub check_step_rad: f64,
-    /// A redundant arm is drawn towards this configuration on its way by self-motion; none by default.
-    pub posture_q: Option<Vec<f64>>,
 }
 
 impl Default for CartesianSettings {
@@ -34,7 +32,6 @@ impl Default for CartesianSettings {
             max_deviation_m: 0.001,
             max_deviation_rad: 0.01,
             check_step_rad: 1.0 / 512.0,
-            posture_q: None,
         }
     }
 }
@@ -87,8 +84,8 @@ pub enum CartesianOutcome {
 
 /// Moves the tip from where `q_start` has it through `waypoints` on straight ways (positions linear, orientations by slerp).
 ///
-/// Each step is solved from the one before, so the arm keeps its posture or turns into the one that is set; no random numbers are
-/// drawn. Pass a collision model to have every step checked.
+/// Each step is solved from the one before, so the arm keeps its posture; no random numbers are drawn. Pass a collision model to
+/// have every step checked.
 ///
 /// # Panics
 /// If `q_start` does not fit the chain.
@@ -100,7 +97,7 @@ pub fn cartesian_path(
     settings: &CartesianSettings,
     collision: Option<&CollisionModel>,
 ) -> CartesianOutcome {
-    let mut ik = IkSettings { max_starts: 1, max_iterations: 100, ..IkSettings::default() };
+    let ik = IkSettings { max_starts: 1, max_iterations: 100, ..IkSettings::default() };
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let mut path = vec![q_start.to_vec()];
     let mut from = chain.fk(q_start);
@@ -117,7 +114,6 @@ pub fn cartesian_path(
                 share: (i - 1) as f64 / n as f64,
                 stop,
             };
-            ik.posture_q = settings.posture_q.as_ref().map(|posture| towards(&before, posture, MAX_POSTURE_STEP_RAD));
             let q = match IkSolver::solve(chain, &at(i as f64 / n as f64), &before, &ik, &mut rng) {
                 IkOutcome::Solved { q, .. } => q,
                 IkOutcome::Failed { position_miss_m, rotation_miss_rad, .. } => {
@@ -149,15 +145,6 @@ pub fn cartesian_path(
         path.push(q_start.to_vec());
     }
     CartesianOutcome::Found(path)
-}
-
-/// Largest share of the way to the posture in a step: the midpoint of two configurations must stay near the straight way.
-const MAX_POSTURE_STEP_RAD: f64 = 0.05;
-
-/// The configuration at most `step_rad` from `q` in each joint on the way to `goal_q`.
-fn towards(q: &[f64], goal_q: &[f64], step_rad: f64) -> Vec<f64> {
-    let gap_rad = q.iter().zip(goal_q).map(|(q, goal)| (goal - q).abs()).fold(0.0, f64::max);
-    mix(q, goal_q, (step_rad / gap_rad.max(step_rad)).min(1.0))
 }
 
 fn between(from: &Pose, to: &Pose, share: f64) -> Pose {

@@ -231,31 +231,6 @@ fn straight_motions_stay_on_their_line() {
 }
 
 #[test]
-fn the_elbow_turns_on_a_straight_way() {
-    let model = curi();
-    let collision = collision(&model, HandSide::Left);
-    let chain = collision.chain().clone();
-    let from = side_grasp(0.55, 0.3, 0.9, -1.2);
-    let to = from * Translation3::new(0.0, 0.0, 0.08);
-    let start = goals(&model, &collision, &from).into_iter().next().unwrap();
-    // Self-motion of the start's posture: the same palm pose with the elbow elsewhere.
-    let pulled: Vec<f64> = start.iter().enumerate().map(|(idx, q)| if idx == 2 { q + 0.4 } else { *q }).collect();
-    let settings = IkSettings { max_starts: 1, posture_q: Some(pulled), ..IkSettings::default() };
-    let posture = IkSolver::solve(&chain, &to, &start, &settings, &mut ChaCha8Rng::seed_from_u64(1)).solution().unwrap();
-    let end = |posture_q| {
-        let settings = CartesianSettings { posture_q, ..CartesianSettings::default() };
-        match cartesian_path(&chain, &start, &[to], &settings, None) {
-            CartesianOutcome::Found(path) => path.last().unwrap().clone(),
-            other => panic!("{other:?}"),
-        }
-    };
-    let gap = |q: &[f64]| q.iter().zip(&posture).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    let (kept, drawn) = (end(None), end(Some(posture.clone())));
-    assert!(gap(&kept) > 0.1 && gap(&drawn) < 0.5 * gap(&kept), "{} rad left of {}", gap(&drawn), gap(&kept));
-    assert!((chain.fk(&drawn).translation.vector - to.translation.vector).norm() < 2e-5);
-}
-
-#[test]
 fn straight_motions_that_end_early_say_where_and_why() {
     let model = curi();
     let mut collision = collision(&model, HandSide::Left);

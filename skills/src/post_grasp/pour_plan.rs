@@ -2,8 +2,9 @@
 
 use crate::arm::{ArmScene, Miss};
 use crate::post_grasp::pour_path::{PourSettings, PourTarget, VesselShape, pour_palm_path, vessel_shape};
+use nalgebra::UnitQuaternion;
 use sfg_planning::CollisionModel;
-use sfg_types::{ObjectCluster, Pose, RejectionReason};
+use sfg_types::{ObjectCluster, Pose, RejectionReason, Vector};
 
 /// What is poured into what, as seen before the grasp.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,7 +45,9 @@ const FLOWS_DEG: [f64; 8] = [90.0, -90.0, 60.0, -60.0, 120.0, -120.0, 30.0, -30.
 /// Rim clearances that are tried: a low pour spills less, a high one leaves room for the hand.
 const CLEARANCES_M: [f64; 3] = [0.035, 0.06, 0.09];
 /// Postures of the arm over the target that are tried.
-const N_POSTURES: usize = 4;
+const N_POSTURES: usize = 8;
+/// A vessel that leans after the lift is upright after this share of the carry.
+const UPRIGHT_AFTER: f64 = 0.2;
 /// Spacing of poses along the carry.
 const CARRY_STEP_M: f64 = 0.02;
 
@@ -53,7 +56,7 @@ const CARRY_STEP_M: f64 = 0.02;
 pub enum PourSearch {
     /// The arm keeps its posture: enough to compare candidates.
     KeepPosture,
-    /// When that fails the arm may also turn its elbow on the way.
+    /// When that fails the arm may also come to the target in another posture.
     ChangePosture,
 }
 
@@ -107,7 +110,7 @@ pub fn plan_pour(
         }
     };
     for way in &ways {
-        match follow(scene, &carrying, lift_q, way, None) {
+        match keep_posture(scene, &carrying, lift_q, way) {
             Ok(plan) => return Ok(plan),
             Err(missed) => keep(missed),
         }
@@ -115,10 +118,7 @@ pub fn plan_pour(
     if search == PourSearch::ChangePosture {
         for way in &ways {
             for posture_q in scene.configurations(&way.tilt_poses[0], lift_q, N_POSTURES).unwrap_or_default() {
-                if carrying.contact(&posture_q).is_some() {
-                    continue;
-                }
-                match follow(scene, &carrying, lift_q, way, Some(&posture_q)) {
+                match change_posture(scene, &carrying, lift_q, palm_from_vessel, way, &posture_q) {
                     Ok(plan) => return Ok(plan),
                     Err(missed) => keep(missed),
                 }
@@ -128,30 +128,56 @@ pub fn plan_pour(
     Err(furthest.map_or(RejectionReason::NoPath { segment: "pour".to_owned() }, |(_, reason)| reason))
 }
 
-/// Arm paths along `way`; otherwise how far it came and why not further.
-fn follow(
+/// How far an attempt came and why not further.
+type Missed = (usize, RejectionReason);
+
+/// Straight along `way`, each step from the one before.
+fn keep_posture(scene: &ArmScene<'_>, carrying: &CollisionModel, lift_q: &[f64], way: &PourWay) -> Result<PourPlan, Missed> {
+    let carry = scene.straight(lift_q, &way.carry_poses).map_err(|miss| unreachable(0, "carry", &miss))?;
+    let tilt = tilt(scene, &carry[carry.len() - 1], way)?;
+    free(carrying, way, carry, tilt)
+}
+
+/// To the posture `posture_q` over the target, the vessel upright all the way, and on along `way`.
+fn change_posture(
     scene: &ArmScene<'_>,
     carrying: &CollisionModel,
     lift_q: &[f64],
+    palm_from_vessel: &Pose,
     way: &PourWay,
-    posture_q: Option<&[f64]>,
-) -> Result<PourPlan, (usize, RejectionReason)> {
-    let unreachable = |n_passed: usize, key_pose: &str, miss: &Miss| {
-        let key_pose = key_pose.to_owned();
-        (n_passed, RejectionReason::NoInverseKinematics { key_pose, miss_m: miss.position_m })
-    };
-    let carry = scene.straight_towards(lift_q, &way.carry_poses, posture_q).map_err(|miss| unreachable(0, "carry", &miss))?;
-    let tilt = scene
-        .straight(&carry[carry.len() - 1], &way.tilt_poses)
-        .map_err(|miss| unreachable(1 + miss.n_reached, "tilt", &miss))?;
-    let touched = carry.iter().step_by(4).map(|q| ("carry", q)).chain(tilt.iter().step_by(2).map(|q| ("tilt", q)));
-    for (key_pose, q) in touched {
+    posture_q: &[f64],
+) -> Result<PourPlan, Missed> {
+    let tilt = tilt(scene, posture_q, way)?;
+    let axis_in_base = |base_from_palm: &Pose| base_from_palm.rotation * palm_from_vessel.rotation * Vector::z();
+    let lean_at_lift = axis_in_base(&scene.palm_pose(lift_q));
+    let carry = scene
+        .bent(lift_q, posture_q, |share, base_from_palm| {
+            let leaning = lean_at_lift.lerp(&Vector::z(), (share / UPRIGHT_AFTER).min(1.0));
+            let turn = UnitQuaternion::rotation_between(&axis_in_base(base_from_palm), &leaning).unwrap_or_default();
+            Pose::from_parts(base_from_palm.translation, turn * base_from_palm.rotation)
+        })
+        .map_err(|miss| unreachable(1, "carry", &miss))?;
+    free(carrying, way, carry, tilt)
+}
+
+fn tilt(scene: &ArmScene<'_>, from_q: &[f64], way: &PourWay) -> Result<Vec<Vec<f64>>, Missed> {
+    scene.straight(from_q, &way.tilt_poses).map_err(|miss| unreachable(1 + miss.n_reached, "tilt", &miss))
+}
+
+/// The plan if nothing is touched on it.
+fn free(carrying: &CollisionModel, way: &PourWay, carry: Vec<Vec<f64>>, tilt: Vec<Vec<f64>>) -> Result<PourPlan, Missed> {
+    let checked = carry.iter().map(|q| ("carry", q)).chain(tilt.iter().map(|q| ("tilt", q)));
+    for (key_pose, q) in checked {
         if let Some(contact) = carrying.contact(q) {
             let (key_pose, with) = (key_pose.to_owned(), contact.to_string());
             return Err((2 + way.tilt_poses.len(), RejectionReason::Collision { key_pose, with }));
         }
     }
     Ok(PourPlan { carry, tilt, heading_rad: way.heading_rad })
+}
+
+fn unreachable(n_passed: usize, key_pose: &str, miss: &Miss) -> Missed {
+    (n_passed, RejectionReason::NoInverseKinematics { key_pose: key_pose.to_owned(), miss_m: miss.position_m })
 }
 
 /// Palm poses from `from` to `to`: first at the greater height of the two, then down, so that a full vessel passes over things.
