@@ -7,6 +7,7 @@ mod exit;
 mod explain;
 mod files;
 mod pictures;
+mod plan;
 mod plugins;
 mod preview;
 mod replay;
@@ -102,6 +103,9 @@ enum Command {
         /// The reason, for example no_path.
         reason: String,
     },
+    /// Motion planning by itself: bench.
+    #[command(subcommand)]
+    Plan(plan::PlanCommand),
     /// Runs a scenario over many seeds and prints success rates with their intervals.
     Sweep(sweep::SweepOptions),
     /// One step of a sweep, for schedulers: plan, run-shard, merge.
@@ -223,6 +227,7 @@ fn execute(cli: Cli) -> Result<ExitCode> {
             writeln!(std::io::stdout(), "{}", explain::entry(&reason)?).context("cannot write the explanation")?;
             Ok(ExitCode::SUCCESS)
         }
+        Some(Command::Plan(command)) => plan::run(&command),
         Some(Command::Sweep(options)) => sweep::sweep(&Assets::open(assets)?, &options),
         Some(Command::Shard(command)) => sweep::shard(&Assets::open(assets)?, &command),
         Some(Command::Schema { tests }) => {

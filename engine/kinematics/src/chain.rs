@@ -63,6 +63,17 @@ pub struct Chain {
     tip: Frame,
 }
 
+/// What is constant about one joint of a chain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChainJoint {
+    /// The joint's frame, its axis along +Z, seen from the frame behind the joint before it (the base link for the first).
+    pub before: Pose,
+    /// Turns about its axis; moves along it otherwise.
+    pub is_revolute: bool,
+    /// The link that it moves, seen from the frame behind the joint.
+    pub axis_from_link: Pose,
+}
+
 impl Chain {
     /// Cuts the chain `base_link` -> `tip_link` with the moving joints `joints`; the others keep their value in `frozen_q`.
     ///
@@ -139,6 +150,15 @@ impl Chain {
     #[must_use]
     pub fn n_joints(&self) -> usize {
         self.before.len()
+    }
+
+    /// The constants of joint `idx`, for whoever compiles the chain into something faster.
+    ///
+    /// # Panics
+    /// If there is no such joint.
+    #[must_use]
+    pub fn joint(&self, idx: usize) -> ChainJoint {
+        ChainJoint { before: self.before[idx].pose(), is_revolute: self.revolute[idx], axis_from_link: self.axis_from_link[idx] }
     }
 
     /// Pose of the tip.

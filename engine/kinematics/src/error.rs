@@ -30,6 +30,14 @@ pub enum KinematicsError {
         /// What is wrong.
         message: String,
     },
+    /// An SRDF is no SRDF.
+    #[error("SRDF {}: {message}", path.display())]
+    Srdf {
+        /// Which file.
+        path: PathBuf,
+        /// Line, column and what is wrong.
+        message: String,
+    },
     /// A key of the robot description has a value that does not fit the URDF.
     #[error("robot description {}: key {key:?}: {message}", path.display())]
     Description {

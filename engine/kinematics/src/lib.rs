@@ -10,12 +10,14 @@ pub mod error;
 pub mod ik;
 pub mod robot;
 pub mod shape;
+pub mod srdf;
 pub mod tree;
 
-pub use chain::{Chain, JointLimits};
+pub use chain::{Chain, ChainJoint, JointLimits};
 pub use description::{ArmDescription, CameraDescription, Mount, RobotDescription};
 pub use error::KinematicsError;
 pub use ik::{IkOutcome, IkSettings, IkSolver};
 pub use robot::{Arm, Camera, RobotModel};
 pub use shape::{Primitive, Shape};
+pub use srdf::Srdf;
 pub use tree::{Inertial, Joint, JointKind, JointSource, Link, Tree};

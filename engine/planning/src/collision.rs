@@ -3,13 +3,14 @@
 //! Everything that moves with the arm is covered by balls; the robot's other bodies and the obstacles keep their exact shapes, so
 //! that one distance formula per shape answers all. The covering exceeds the arm by about 1 cm: verdicts err towards contact.
 
+use crate::batch::{Batch, BodySpec};
 use crate::error::PlanningError;
 use crate::points::PointObstacles;
 use crate::shapes::{Obstacle, bounding_radius_m, covering_spheres, signed_distance_m};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use sfg_kinematics::ik::random_q;
-use sfg_kinematics::{Chain, RobotModel, Shape};
+use sfg_kinematics::{Chain, RobotModel, Shape, Tree};
 use sfg_types::{HandSide, Point, Pose};
 use std::collections::BTreeSet;
 use std::fmt;
@@ -102,18 +103,32 @@ struct Fixed {
 pub struct CollisionModel {
     chain: Chain,
     settings: CollisionSettings,
-    side: HandSide,
+    hand_root: Option<String>,
+    self_pairs: SelfPairs,
     moving: Vec<Moving>,
     own_bodies: Vec<Fixed>,
     // Moving bodies of one chain link lie side by side in `moving` and share a bound: most tests end there.
     clusters: Vec<Cluster>,
     // Pairs that nearly always touch because they are built so: moving body's name and own body, or number of own bodies + rank.
     built_touching: BTreeSet<(String, usize)>,
-    // built_touching as a table: moving body x (own bodies, then ranks).
+    // Moving body x own bodies: may touch.
     ignored: Vec<Vec<bool>>,
+    // Moving body x those before it: must not meet.
+    guarded: Vec<Vec<bool>>,
     obstacles: Vec<Fixed>,
     points: Option<PointObstacles>,
     allowed: Vec<(BodyGroup, String)>,
+    // All of the above for eight configurations at once.
+    batch: Batch,
+}
+
+/// Which bodies of the robot are looked at for touching each other.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SelfPairs {
+    /// All but links up to two apart and those that touch in nearly every configuration, which is found by sampling.
+    Sampled,
+    /// All but these pairs of links, as an SRDF disables them.
+    AllBut(BTreeSet<(String, String)>),
 }
 
 /// A pair of bodies that touches in this share of all configurations is built so, and no collision.
@@ -130,21 +145,46 @@ impl CollisionModel {
     /// # Panics
     /// If `q` is not a configuration of the whole robot.
     pub fn new(model: &RobotModel, side: HandSide, q: &[f64], settings: CollisionSettings) -> Result<Self, PlanningError> {
+        let hand_root = model.arm(side).hand_root_link.as_deref();
+        Self::of_tree(&model.tree, model.arm_chain(side).clone(), hand_root, q, SelfPairs::Sampled, settings)
+    }
+
+    /// Any robot without obstacles: what hangs on `chain` moves, all else stays as in the configuration `q` of the whole tree. Links
+    /// from `hand_root` on are the hand.
+    ///
+    /// # Errors
+    /// [`PlanningError::MeshShape`].
+    ///
+    /// # Panics
+    /// If `q` is not a configuration of the tree.
+    pub fn of_tree(
+        tree: &Tree,
+        chain: Chain,
+        hand_root: Option<&str>,
+        q: &[f64],
+        self_pairs: SelfPairs,
+        settings: CollisionSettings,
+    ) -> Result<Self, PlanningError> {
         let mut collision = Self {
-            chain: model.arm_chain(side).clone(),
+            batch: Batch::new(&chain),
+            chain,
             settings,
-            side,
+            hand_root: hand_root.map(str::to_owned),
+            self_pairs,
             moving: Vec::new(),
             own_bodies: Vec::new(),
             clusters: Vec::new(),
             built_touching: BTreeSet::new(),
             ignored: Vec::new(),
+            guarded: Vec::new(),
             obstacles: Vec::new(),
             points: None,
             allowed: Vec::new(),
         };
-        collision.place_bodies(model, q)?;
-        collision.find_built_contacts();
+        collision.place_bodies(tree, q)?;
+        if collision.self_pairs == SelfPairs::Sampled {
+            collision.find_built_contacts();
+        }
         Ok(collision)
     }
 
@@ -156,7 +196,7 @@ impl CollisionModel {
     /// # Panics
     /// If `q` is not a configuration of the whole robot.
     pub fn set_robot_q(&mut self, model: &RobotModel, q: &[f64]) -> Result<(), PlanningError> {
-        self.place_bodies(model, q)
+        self.place_bodies(&model.tree, q)
     }
 
     /// The chain whose configurations are judged.
@@ -169,16 +209,19 @@ impl CollisionModel {
     pub fn set_world(&mut self, obstacles: &[Obstacle], points: Option<PointObstacles>) {
         self.obstacles = obstacles.iter().map(|o| fixed(o.name.clone(), &o.shape, &o.pose_in_base)).collect();
         self.points = points;
+        self.compile();
     }
 
     /// Lets a part touch an obstacle (`points` stands for the cloud): the hand its target, a held thing the table it leaves.
     pub fn allow(&mut self, group: BodyGroup, with: &str) {
         self.allowed.push((group, with.to_owned()));
+        self.compile();
     }
 
     /// Takes all permissions back.
     pub fn clear_allowed(&mut self) {
         self.allowed.clear();
+        self.compile();
     }
 
     /// Hangs a thing on the palm: balls in the palm frame, metres.
@@ -221,6 +264,9 @@ impl CollisionModel {
     /// The first contact on the straight way between two configurations, checked every `step_rad`, ends included.
     #[must_use]
     pub fn contact_between(&self, a: &[f64], b: &[f64], step_rad: f64) -> Option<Contact> {
+        if self.is_free_between(a, b, step_rad) {
+            return None;
+        }
         let n = (distance(a, b) / step_rad).ceil().max(1.0) as usize;
         // Coarse first: obstacles are wider than a step, so most blocked ways are seen early.
         const STRIDE: usize = 8;
@@ -235,9 +281,27 @@ impl CollisionModel {
         None
     }
 
+    /// Whether nothing touches on the straight way between two configurations, checked every `step_rad` or closer, end included.
+    ///
+    /// Eight configurations are looked at together: the planner's inner loop. The start of a way is the end of another.
+    #[must_use]
+    pub fn is_free_between(&self, a: &[f64], b: &[f64], step_rad: f64) -> bool {
+        self.batch.is_free_between(a, b, step_rad)
+    }
+
+    /// As [`Self::is_free_between`] with both ends included, for small steps: stretches far from everything are passed over by a bound on
+    /// how far the arm can move there.
+    #[must_use]
+    pub fn is_free_closely(&self, a: &[f64], b: &[f64], step_rad: f64) -> bool {
+        self.batch.is_free_closely(a, b, step_rad)
+    }
+
     /// The first contact along a path of configurations, checked every `step_rad`.
     #[must_use]
     pub fn contact_along(&self, path: &[Vec<f64>], step_rad: f64) -> Option<Contact> {
+        if let Some(contact) = path.first().and_then(|q| self.contact(q)) {
+            return Some(contact);
+        }
         path.windows(2).find_map(|pair| self.contact_between(&pair[0], &pair[1], step_rad))
     }
 
@@ -296,8 +360,7 @@ impl CollisionModel {
                         let against = &self.moving[other_idx];
                         let gap = (bounds[idx] - bounds[other_idx]).norm() - body.bound.1 - against.bound.1;
                         if gap < 0.0
-                            && may_meet(body, against)
-                            && !self.ignored[idx][self.own_bodies.len() + against.rank]
+                            && self.guarded[idx][other_idx]
                             && note(&body.name, &against.name, depth_between(body, to_base, against, other_to_base))
                         {
                             return worst;
@@ -321,17 +384,70 @@ impl CollisionModel {
             self.clusters.push(Cluster { frame_idx, bodies: first..first + n, bound: bound(spheres) });
             first += n;
         }
-        let n_columns = self.own_bodies.len() + self.chain.n_joints() + 2;
-        let ignored = |m: &Moving| (0..n_columns).map(|idx| self.built_touching.contains(&(m.name.clone(), idx))).collect();
-        self.ignored = self.moving.iter().map(ignored).collect();
+        let n_own = self.own_bodies.len();
+        let disabled = |a: &str, b: &str| match &self.self_pairs {
+            SelfPairs::Sampled => None,
+            SelfPairs::AllBut(pairs) => {
+                let pair = |a: &str, b: &str| pairs.contains(&(a.to_owned(), b.to_owned()));
+                Some(a == b || pair(a, b) || pair(b, a))
+            }
+        };
+        let built = |body: &Moving, idx: usize| self.built_touching.contains(&(body.name.clone(), idx));
+        self.ignored = self
+            .moving
+            .iter()
+            .map(|body| {
+                let own = self.own_bodies.iter().enumerate();
+                own.map(|(idx, own)| disabled(&body.name, &own.name).unwrap_or_else(|| built(body, idx))).collect()
+            })
+            .collect();
+        self.guarded = self
+            .moving
+            .iter()
+            .enumerate()
+            .map(|(idx, body)| {
+                let must_not_meet = |other: &Moving| match disabled(&body.name, &other.name) {
+                    Some(is_disabled) => !is_disabled,
+                    None => may_meet(body, other) && !built(body, n_own + other.rank),
+                };
+                self.moving[..idx].iter().map(must_not_meet).collect()
+            })
+            .collect();
+        self.compile();
     }
 
-    fn place_bodies(&mut self, model: &RobotModel, q: &[f64]) -> Result<(), PlanningError> {
-        let tree = &model.tree;
-        let poses = model.link_poses(q);
+    /// Rebuilds `batch`.
+    fn compile(&mut self) {
+        let mut batch = Batch::new(&self.chain);
+        for cluster in &self.clusters {
+            let bodies: Vec<BodySpec<'_>> = self.moving[cluster.bodies.clone()]
+                .iter()
+                .map(|body| BodySpec { balls_in_link: &body.spheres, may_touch_points: self.allows(body.group, POINTS) })
+                .collect();
+            batch.add_cluster(&self.chain, cluster.frame_idx, &bodies);
+        }
+        for obstacle in &self.obstacles {
+            let may_touch = |idx: usize| self.allows(self.moving[idx].group, &obstacle.name);
+            batch.add_still(&obstacle.shape, &obstacle.shape_from_base.inverse(), self.settings.clearance_m, may_touch);
+        }
+        for (own_idx, own) in self.own_bodies.iter().enumerate() {
+            batch.add_still(&own.shape, &own.shape_from_base.inverse(), 0.0, |idx| self.ignored[idx][own_idx]);
+        }
+        for (later, cluster) in self.clusters.iter().enumerate() {
+            for (earlier, other) in self.clusters[..later].iter().enumerate() {
+                let pairs = cluster.bodies.clone().flat_map(|idx| other.bodies.clone().map(move |other_idx| (idx, other_idx)));
+                batch.add_meeting((later, earlier), pairs.filter(|(idx, other_idx)| self.guarded[*idx][*other_idx]).collect());
+            }
+        }
+        batch.set_points(self.points.clone(), self.settings.clearance_m);
+        self.batch = batch;
+    }
+
+    fn place_bodies(&mut self, tree: &Tree, q: &[f64]) -> Result<(), PlanningError> {
+        let poses = tree.link_poses(q);
         let n = self.chain.n_joints();
         let last_link = tree.links.iter().position(|l| l.name == self.chain.link_names[n - 1]);
-        let hand_root = model.arm(self.side).hand_root_link.as_deref();
+        let hand_root = self.hand_root.clone();
         self.moving.retain(|m| m.group == BodyGroup::Attached);
         let attached = std::mem::take(&mut self.moving);
         self.own_bodies.clear();
@@ -348,7 +464,7 @@ impl CollisionModel {
                 if let Some(idx) = self.chain.link_names.iter().position(|name| *name == tree.links[at].name) {
                     break Some(idx);
                 }
-                is_hand |= Some(tree.links[at].name.as_str()) == hand_root;
+                is_hand |= Some(tree.links[at].name.as_str()) == hand_root.as_deref();
                 match tree.links[at].joint_idx {
                     Some(joint_idx) => at = tree.joints[joint_idx].parent_idx,
                     None => break None,
@@ -478,4 +594,45 @@ fn depth_between(a: &Moving, base_from_a: &Pose, b: &Moving, base_from_b: &Pose)
         }
     }
     deepest
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn eight_at_once_give_the_verdict_of_one_by_one() {
+        let model = RobotModel::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/robots/curi.yaml")).unwrap();
+        let mut collision = CollisionModel::new(&model, HandSide::Left, &model.home_q, CollisionSettings::default()).unwrap();
+        let cuboid = Shape::Cuboid { half_extents_m: sfg_types::Vector::new(0.35, 0.7, 0.02) };
+        let place = |name: &str, shape: Shape, x: f64, y: f64, z: f64| Obstacle {
+            name: name.to_owned(),
+            shape,
+            pose_in_base: Pose::new(sfg_types::Vector::new(x, y, z), sfg_types::Vector::new(0.3, 0.1, -0.4)),
+        };
+        let cylinder = Shape::Cylinder { radius_m: 0.05, half_length_m: 0.12 };
+        let capsule = Shape::Capsule { radius_m: 0.04, half_length_m: 0.1 };
+        let obstacles = [
+            place("table", cuboid, 0.8, 0.0, 0.73),
+            place("can", cylinder, 0.7, 0.3, 0.9),
+            place("rod", capsule, 0.6, 0.4, 1.2),
+            place("ball", Shape::Sphere { radius_m: 0.1 }, 0.5, 0.6, 1.0),
+        ];
+        collision.set_world(&obstacles, None);
+        collision.attach("cup", &[(Point::new(0.05, 0.0, 0.05), 0.04)]);
+        collision.allow(BodyGroup::Hand, "can");
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut n_free = 0;
+        for _ in 0..20_000 {
+            let q = random_q(collision.chain(), &mut rng);
+            let exact = collision.scan(&q, false);
+            let is_free = collision.is_free_between(&q, &q, 1.0);
+            n_free += usize::from(is_free);
+            let is_clear_cut = exact.as_ref().is_none_or(|contact| contact.depth_m > 1e-6);
+            assert!(is_free == exact.is_none() || !is_clear_cut, "{q:?}: {exact:?} and free {is_free}");
+        }
+        assert!((2_000..18_000).contains(&n_free), "{n_free} of 20000 free");
+    }
 }

@@ -4,10 +4,12 @@
 //! configurations, [`retime`] rounds its corners and gives it time within the joints' limits, [`verify_exact`] looks at it once
 //! more with exact shapes, and [`CommandLimiter`] watches every command on its way to the driver.
 
+mod batch;
 pub mod cartesian;
 pub mod collision;
 pub mod error;
 pub mod exact;
+mod lanes;
 pub mod limiter;
 pub mod planner;
 pub mod points;
@@ -16,11 +18,11 @@ pub mod smooth;
 pub mod timing;
 
 pub use cartesian::{CartesianOutcome, CartesianSettings, CartesianStop, cartesian_path};
-pub use collision::{BodyGroup, BodySphere, CollisionModel, CollisionSettings, Contact};
+pub use collision::{BodyGroup, BodySphere, CollisionModel, CollisionSettings, Contact, SelfPairs};
 pub use error::PlanningError;
 pub use exact::verify_exact;
 pub use limiter::{CommandLimiter, LimitViolation, LimiterSettings, PalmBox, stop_ramp};
-pub use planner::{PlanOutcome, Planner, RrtConnect, RrtSettings};
+pub use planner::{PlanOutcome, Planner, RawPath, RrtConnect, RrtSettings};
 pub use points::PointObstacles;
 pub use shapes::Obstacle;
 pub use smooth::SmoothPath;

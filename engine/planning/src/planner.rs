@@ -3,7 +3,6 @@
 use crate::collision::{CollisionModel, Contact, distance, mix};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sfg_kinematics::ik::random_q;
 
 /// What a planner answers.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,11 +51,13 @@ pub trait Planner: Send {
 /// Budgets and resolutions of [`RrtConnect`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct RrtSettings {
-    /// Growth steps of both trees together. Default 4000.
+    /// Growth steps of all searches together. Default 20,000.
     pub max_iterations: usize,
-    /// Longest growth step. Default 0.5 rad.
+    /// Growth steps after which a search begins anew with other samples: an unlucky tree seldom recovers. Default 4000.
+    pub restart_after: usize,
+    /// Longest growth step. Default 1 rad.
     pub range_rad: f64,
-    /// Distance of checks while searching. Default 0.02 rad.
+    /// Distance of checks while searching. Default 1/32 rad.
     pub edge_step_rad: f64,
     /// Checks for each radian of the returned path. Default 512: at 32, one path in twenty touches something in between.
     pub acceptance_checks_per_rad: f64,
@@ -67,9 +68,10 @@ pub struct RrtSettings {
 impl Default for RrtSettings {
     fn default() -> Self {
         Self {
-            max_iterations: 4000,
-            range_rad: 0.5,
-            edge_step_rad: 0.02,
+            max_iterations: 20_000,
+            restart_after: 4000,
+            range_rad: 1.0,
+            edge_step_rad: 1.0 / 32.0,
             acceptance_checks_per_rad: 512.0,
             shortcut_attempts: 60,
         }
@@ -85,15 +87,36 @@ pub struct RrtConnect {
     pub settings: RrtSettings,
 }
 
-struct Tree {
-    nodes: Vec<Vec<f64>>,
+/// A path as the search found it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RawPath {
+    /// Corners from the start to a goal.
+    pub path: Vec<Vec<f64>>,
+    /// Growth steps it took.
+    pub iterations: usize,
+}
+
+/// Configurations in a row, each with its parent.
+struct Nodes {
+    n_joints: usize,
+    q: Vec<f64>,
     parents: Vec<Option<usize>>,
 }
 
-impl Tree {
+impl Nodes {
+    fn new<'a>(n_joints: usize, roots: impl IntoIterator<Item = &'a [f64]>) -> Self {
+        let q: Vec<f64> = roots.into_iter().flatten().copied().collect();
+        let parents = vec![None; q.len() / n_joints];
+        Self { n_joints, q, parents }
+    }
+
+    fn get(&self, idx: usize) -> &[f64] {
+        &self.q[idx * self.n_joints..(idx + 1) * self.n_joints]
+    }
+
     fn nearest(&self, q: &[f64]) -> usize {
         let mut best = (f64::INFINITY, 0);
-        for (idx, node) in self.nodes.iter().enumerate() {
+        for (idx, node) in self.q.chunks_exact(self.n_joints).enumerate() {
             let gap: f64 = node.iter().zip(q).map(|(a, b)| (a - b) * (a - b)).sum();
             if gap < best.0 {
                 best = (gap, idx);
@@ -102,56 +125,83 @@ impl Tree {
         best.1
     }
 
-    fn add(&mut self, q: Vec<f64>, parent: usize) -> usize {
-        self.nodes.push(q);
+    fn add(&mut self, q: &[f64], parent: usize) -> usize {
+        self.q.extend_from_slice(q);
         self.parents.push(Some(parent));
-        self.nodes.len() - 1
+        self.parents.len() - 1
     }
 
     fn branch(&self, mut idx: usize) -> Vec<Vec<f64>> {
-        let mut path = vec![self.nodes[idx].clone()];
+        let mut path = vec![self.get(idx).to_vec()];
         while let Some(parent) = self.parents[idx] {
-            path.push(self.nodes[parent].clone());
+            path.push(self.get(parent).to_vec());
             idx = parent;
         }
         path
     }
 }
 
+/// Halton's points in a box, moved round by an offset that the seed draws: they fill the box more evenly than random ones.
+struct Halton {
+    lower: Vec<f64>,
+    width: Vec<f64>,
+    offset: Vec<f64>,
+    n_drawn: u32,
+}
+
+/// Bases of the axes.
+const PRIMES: [u32; 24] = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89];
+
+impl Halton {
+    fn new(collision: &CollisionModel, seed: u64) -> Self {
+        let pi = std::f64::consts::PI;
+        let limits = &collision.chain().limits;
+        let lower: Vec<f64> = limits.iter().map(|l| l.lower.max(-pi)).collect();
+        let width = limits.iter().zip(&lower).map(|(l, low)| (l.upper.min(pi) - low).max(0.0)).collect();
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let offset = lower.iter().map(|_| rng.random_range(0.0..1.0)).collect();
+        Self { lower, width, offset, n_drawn: 0 }
+    }
+
+    fn draw(&mut self, q: &mut [f64]) {
+        self.n_drawn += 1;
+        for (axis, value) in q.iter_mut().enumerate() {
+            let base = PRIMES[axis % PRIMES.len()];
+            let (mut left, mut share, mut inverse) = (self.n_drawn, 1.0, 0.0);
+            while left > 0 {
+                share /= f64::from(base);
+                inverse += share * f64::from(left % base);
+                left /= base;
+            }
+            *value = self.lower[axis] + self.width[axis] * (inverse + self.offset[axis]).fract();
+        }
+    }
+}
+
 impl Planner for RrtConnect {
     fn plan(&self, collision: &CollisionModel, start: &[f64], goals: &[Vec<f64>], seed: u64) -> PlanOutcome {
-        if let Some(outcome) = outside_limits(collision, start) {
-            return outcome;
-        }
-        if let Some(contact) = collision.contact(start) {
-            return PlanOutcome::StartInCollision { contact };
-        }
-        let mut free_goals = Vec::new();
-        let (mut first_contact, mut first_outside) = (None, None);
-        for (goal_idx, goal) in goals.iter().enumerate() {
-            if let Some(outcome) = outside_limits(collision, goal) {
-                first_outside.get_or_insert(outcome);
-            } else if let Some(contact) = collision.contact(goal) {
-                first_contact.get_or_insert(PlanOutcome::GoalInCollision { goal_idx, contact });
-            } else {
-                free_goals.push(goal.clone());
-            }
-        }
-        if free_goals.is_empty() {
-            return first_contact.or(first_outside).unwrap_or(PlanOutcome::NotFound { iterations: 0 });
-        }
-        free_goals.sort_by(|a, b| distance(start, a).total_cmp(&distance(start, b)));
         let acceptance_step = 1.0 / self.settings.acceptance_checks_per_rad;
         let mut step = self.settings.edge_step_rad;
         let mut iterations = 0;
         for attempt in 0.. {
-            let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_add(attempt));
-            let Some(mut path) = self.search(collision, start, &free_goals, step, &mut rng, &mut iterations) else { break };
-            self.shortcut(collision, &mut path, step, &mut rng);
-            if collision.contact_along(&path, acceptance_step).is_none() {
+            let seed = seed.wrapping_add(attempt);
+            let raw = match self.search(collision, start, goals, step, seed) {
+                Ok(raw) => raw,
+                Err(PlanOutcome::NotFound { iterations: spent }) => {
+                    iterations += spent;
+                    if spent == 0 || iterations >= self.settings.max_iterations {
+                        break;
+                    }
+                    continue;
+                }
+                Err(outcome) => return outcome,
+            };
+            iterations += raw.iterations;
+            let path = self.simplify(collision, raw.path, step, seed);
+            if self.accepts(collision, &path) {
                 return PlanOutcome::Found(path);
             }
-            if step <= acceptance_step {
+            if step <= acceptance_step || iterations > self.settings.max_iterations {
                 break;
             }
             step = (step / 2.0).max(acceptance_step);
@@ -161,94 +211,148 @@ impl Planner for RrtConnect {
 }
 
 impl RrtConnect {
-    fn search(
+    /// A path that is free when looked at every `step_rad`, from one pair of trees.
+    ///
+    /// # Errors
+    /// Every [`PlanOutcome`] but `Found`.
+    pub fn search(
         &self,
         collision: &CollisionModel,
         start: &[f64],
         goals: &[Vec<f64>],
-        step: f64,
-        rng: &mut ChaCha8Rng,
-        iterations: &mut usize,
-    ) -> Option<Vec<Vec<f64>>> {
-        if let Some(goal) = goals.iter().find(|goal| collision.contact_between(start, goal, step).is_none()) {
-            return Some(vec![start.to_vec(), goal.clone()]);
+        step_rad: f64,
+        seed: u64,
+    ) -> Result<RawPath, PlanOutcome> {
+        let free_goals = free_ends(collision, start, goals)?;
+        if let Some(goal) = free_goals.iter().find(|goal| collision.is_free_between(start, goal, step_rad)) {
+            return Ok(RawPath { path: vec![start.to_vec(), goal.to_vec()], iterations: 0 });
         }
-        let mut growing = Tree { nodes: vec![start.to_vec()], parents: vec![None] };
-        let mut other = Tree { nodes: goals.to_vec(), parents: vec![None; goals.len()] };
+        let n = start.len();
+        let mut growing = Nodes::new(n, [start]);
+        let mut other = Nodes::new(n, free_goals.iter().map(|goal| goal.as_slice()));
         let mut growing_is_start = true;
-        while *iterations < self.settings.max_iterations {
-            *iterations += 1;
-            let sample = random_q(collision.chain(), rng);
-            if let Some(new) = self.extend(collision, &mut growing, &sample, step) {
-                let target = growing.nodes[new].clone();
+        let mut halton = Halton::new(collision, seed);
+        let (mut sample, mut next) = (vec![0.0; n], vec![0.0; n]);
+        let most = self.settings.restart_after.min(self.settings.max_iterations);
+        for iteration in 1..=most {
+            halton.draw(&mut sample);
+            let from = growing.nearest(&sample);
+            if let Some(new) = self.extend(collision, &mut growing, from, &sample, step_rad, &mut next) {
                 // The other tree runs towards the new node until it arrives or is blocked.
+                let target = growing.get(new).to_vec();
                 let mut reached = other.nearest(&target);
-                while distance(&other.nodes[reached], &target) > 1e-9 {
-                    match self.extend_from(collision, &mut other, reached, &target, step) {
-                        Some(next) => reached = next,
+                while distance(other.get(reached), &target) > 1e-9 {
+                    match self.extend(collision, &mut other, reached, &target, step_rad, &mut next) {
+                        Some(further) => reached = further,
                         None => break,
                     }
                 }
-                if distance(&other.nodes[reached], &target) <= 1e-9 {
+                if distance(other.get(reached), &target) <= 1e-9 {
                     let (mut a, mut b) = (growing.branch(new), other.branch(reached));
                     if !growing_is_start {
                         std::mem::swap(&mut a, &mut b);
                     }
                     a.reverse();
                     a.extend(b.into_iter().skip(1));
-                    return Some(a);
+                    return Ok(RawPath { path: a, iterations: iteration });
                 }
             }
             // The smaller tree grows next.
-            if growing.nodes.len() > other.nodes.len() {
+            if growing.parents.len() > other.parents.len() {
                 std::mem::swap(&mut growing, &mut other);
                 growing_is_start = !growing_is_start;
             }
         }
-        None
+        Err(PlanOutcome::NotFound { iterations: most })
     }
 
-    fn extend(&self, collision: &CollisionModel, tree: &mut Tree, target: &[f64], step: f64) -> Option<usize> {
-        let from = tree.nearest(target);
-        self.extend_from(collision, tree, from, target, step)
+    /// The node at `target`, or one step towards it.
+    fn extend(
+        &self,
+        collision: &CollisionModel,
+        tree: &mut Nodes,
+        from: usize,
+        target: &[f64],
+        step_rad: f64,
+        next: &mut [f64],
+    ) -> Option<usize> {
+        let at = tree.get(from);
+        let share = (self.settings.range_rad / distance(at, target).max(1e-12)).min(1.0);
+        for ((next, a), b) in next.iter_mut().zip(at).zip(target) {
+            // The very target when it is reached.
+            *next = if share < 1.0 { a + share * (b - a) } else { *b };
+        }
+        collision.is_free_between(at, next, step_rad).then(|| tree.add(next, from))
     }
 
-    fn extend_from(&self, collision: &CollisionModel, tree: &mut Tree, from: usize, target: &[f64], step: f64) -> Option<usize> {
-        let gap = distance(&tree.nodes[from], target);
-        let q = if gap <= self.settings.range_rad {
-            target.to_vec()
-        } else {
-            mix(&tree.nodes[from], target, self.settings.range_rad / gap)
-        };
-        collision.contact_between(&tree.nodes[from], &q, step).is_none().then(|| tree.add(q, from))
-    }
-
-    /// Replaces stretches between random points of the path by straight ways.
-    fn shortcut(&self, collision: &CollisionModel, path: &mut Vec<Vec<f64>>, step: f64, rng: &mut ChaCha8Rng) {
+    /// A shorter path through fewer corners, free when looked at every `step_rad`.
+    #[must_use]
+    pub fn simplify(&self, collision: &CollisionModel, path: Vec<Vec<f64>>, step_rad: f64, seed: u64) -> Vec<Vec<f64>> {
+        let mut path = path;
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        skip_corners(collision, &mut path, step_rad);
         for _ in 0..self.settings.shortcut_attempts {
             if path.len() < 3 {
-                return;
+                break;
             }
             let length: f64 = path.windows(2).map(|w| distance(&w[0], &w[1])).sum();
             let (a, b) = (rng.random_range(0.0..length), rng.random_range(0.0..length));
-            let ((i, q_a), (j, q_b)) = (point_at(path, a.min(b)), point_at(path, a.max(b)));
-            if i == j || collision.contact_between(&q_a, &q_b, step).is_some() {
+            let ((i, q_a), (j, q_b)) = (point_at(&path, a.min(b)), point_at(&path, a.max(b)));
+            if i == j || !collision.is_free_between(&q_a, &q_b, step_rad) {
                 continue;
             }
             path.splice(i + 1..=j, [q_a, q_b]);
         }
         path.dedup_by(|a, b| distance(a, b) < 1e-9);
-        // Corners that the cuts left behind: each one that can be skipped is.
-        let mut idx = 1;
-        while idx + 1 < path.len() {
-            if collision.contact_between(&path[idx - 1], &path[idx + 1], step).is_none() {
-                path.remove(idx);
-                idx = idx.saturating_sub(1).max(1);
-            } else {
-                idx += 1;
-            }
+        skip_corners(collision, &mut path, step_rad);
+        path
+    }
+
+    /// Whether the path is free at the acceptance resolution.
+    #[must_use]
+    pub fn accepts(&self, collision: &CollisionModel, path: &[Vec<f64>]) -> bool {
+        let step_rad = 1.0 / self.settings.acceptance_checks_per_rad;
+        path.windows(2).all(|pair| collision.is_free_closely(&pair[0], &pair[1], step_rad))
+    }
+}
+
+/// Leaves out every corner that can be left out.
+fn skip_corners(collision: &CollisionModel, path: &mut Vec<Vec<f64>>, step_rad: f64) {
+    let mut idx = 1;
+    while idx + 1 < path.len() {
+        if collision.is_free_between(&path[idx - 1], &path[idx + 1], step_rad) {
+            path.remove(idx);
+            idx = idx.saturating_sub(1).max(1);
+        } else {
+            idx += 1;
         }
     }
+}
+
+/// The goals that can be reached at all, the nearest first; or why there are none.
+fn free_ends<'a>(collision: &CollisionModel, start: &[f64], goals: &'a [Vec<f64>]) -> Result<Vec<&'a Vec<f64>>, PlanOutcome> {
+    if let Some(outcome) = outside_limits(collision, start) {
+        return Err(outcome);
+    }
+    if let Some(contact) = collision.contact(start) {
+        return Err(PlanOutcome::StartInCollision { contact });
+    }
+    let mut free = Vec::new();
+    let (mut first_contact, mut first_outside) = (None, None);
+    for (goal_idx, goal) in goals.iter().enumerate() {
+        if let Some(outcome) = outside_limits(collision, goal) {
+            first_outside.get_or_insert(outcome);
+        } else if let Some(contact) = collision.contact(goal) {
+            first_contact.get_or_insert(PlanOutcome::GoalInCollision { goal_idx, contact });
+        } else {
+            free.push(goal);
+        }
+    }
+    if free.is_empty() {
+        return Err(first_contact.or(first_outside).unwrap_or(PlanOutcome::NotFound { iterations: 0 }));
+    }
+    free.sort_by(|a, b| distance(start, a).total_cmp(&distance(start, b)));
+    Ok(free)
 }
 
 /// The segment and the configuration at arc length `at` of a path.
