@@ -163,6 +163,7 @@ pub fn register(registry: &mut Registry<SkillContext>) {
     ];
     registry
         .action("move_joints", ports, MoveJoints::default)
+        .fails_with([FailureReason::NoPath, FailureReason::LimitViolated, FailureReason::TrackingLost].map(FailureReason::name))
         .doc("Moves the acting arm to a configuration.")
         .occupies(["arm"])
         .takes_secs(4.0);

@@ -354,6 +354,7 @@ mod tests {
             places: vec![Place::START],
             unread: BTreeSet::new(),
             entry_places: Vec::new(),
+            reason_places: Vec::new(),
             spoilt: BTreeSet::new(),
         };
         let entries = document.get("blackboard").map_or(Vec::new(), |node| trees.blackboard(node).unwrap());

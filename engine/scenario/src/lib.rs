@@ -14,6 +14,7 @@ mod mistake;
 mod parameters;
 mod plugins;
 mod reader;
+mod reasons;
 mod review;
 mod scenario;
 mod scene;

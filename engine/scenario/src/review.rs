@@ -2,6 +2,7 @@
 //! subtrees that nobody uses.
 
 use crate::mistake::{Mistake, Place};
+use crate::reasons::{ReasonPlace, Reasons};
 use sfg_tree::{
     Direction, Literal, NodeClass, NodeKind, NodeModel, NodeSpec, PortSpec, PortValue, SubtreeSpec, TreeSpec, When, nearest,
 };
@@ -16,6 +17,8 @@ pub(crate) struct Reviewed<'a> {
     pub(crate) places: &'a [Place],
     /// Where the keys of the blackboard's first entries stand.
     pub(crate) entry_places: &'a [Place],
+    /// Where the reasons stand that nodes wait for.
+    pub(crate) reason_places: &'a [ReasonPlace],
     /// Some node could not be read: it may use the subtrees and keys that nobody else does.
     pub(crate) has_unread_nodes: bool,
     /// Some node is of an unknown kind: it may use the keys that nobody else does.
@@ -29,22 +32,23 @@ pub(crate) fn review(reviewed: &Reviewed<'_>, timeout_secs: Option<f64>) -> Vec<
         reviewed.tree.subtrees.iter().map(|subtree| (subtree.name.as_str(), subtree)).collect();
     Reach { reviewed, subtrees: &subtrees, known: BTreeMap::new(), mistakes: &mut mistakes }.check();
     Times { reviewed, uses: BTreeMap::new(), limits: BTreeMap::new(), timeout_secs, mistakes: &mut mistakes }.check();
+    Reasons::new(reviewed, &subtrees).check(&mut mistakes);
     Names::default().check(reviewed, &subtrees, &mut mistakes);
     mistakes
 }
 
 impl<'a> Reviewed<'a> {
-    fn place(&self, location: u32) -> Place {
+    pub(crate) fn place(&self, location: u32) -> Place {
         self.places.get(location as usize).copied().unwrap_or(Place::START)
     }
 
-    fn model(&self, node: &NodeSpec) -> Option<&'a NodeModel> {
+    pub(crate) fn model(&self, node: &NodeSpec) -> Option<&'a NodeModel> {
         let NodeKind::Named(name) = &node.kind else { return None };
         self.models.iter().find(|model| model.name == *name)
     }
 
     /// The roots of the tree and of every subtree, with the subtree's name.
-    fn roots(&self) -> impl Iterator<Item = (Option<&'a str>, &'a NodeSpec)> + use<'a> {
+    pub(crate) fn roots(&self) -> impl Iterator<Item = (Option<&'a str>, &'a NodeSpec)> + use<'a> {
         let tree = self.tree;
         let subtrees = tree.subtrees.iter().map(|subtree| (Some(subtree.name.as_str()), &subtree.root));
         std::iter::once((None, &tree.root)).chain(subtrees)

@@ -6,6 +6,7 @@ use crate::mistake::{At, Findings, Mistake, Place, ScenarioErrors, Severity, Sou
 use crate::parameters::{Parameters, Settings};
 use crate::plugins::Plugins;
 use crate::reader::{Fields, Reader};
+use crate::reasons::ReasonPlace;
 use crate::review;
 use crate::scene::{Range, Scene};
 use crate::success::Success;
@@ -261,14 +262,22 @@ fn read_tree<C>(
         places: vec![Place::START],
         unread: BTreeSet::new(),
         entry_places: Vec::new(),
+        reason_places: Vec::new(),
         spoilt: BTreeSet::new(),
     };
     let entries = fields.get("blackboard").map_or_else(|| Some(Vec::new()), |node| trees.blackboard(node));
     let subtrees = fields.get("subtrees").map_or_else(|| Some(Vec::new()), |node| trees.subtrees(node));
     let root = tree.and_then(|node| trees.node(node));
-    let (places, spoilt, unread, entry_places) = (trees.places, trees.spoilt, trees.unread, trees.entry_places);
+    let TreeReader { places, spoilt, unread, entry_places, reason_places, .. } = trees;
     let tree = TreeSpec { root: root?, subtrees: subtrees?, entries: entries?, ..TreeSpec::default() };
-    let written = Written { tree: &tree, places: &places, entry_places: &entry_places, spoilt: &spoilt, unread: &unread };
+    let written = Written {
+        tree: &tree,
+        places: &places,
+        entry_places: &entry_places,
+        reason_places: &reason_places,
+        spoilt: &spoilt,
+        unread: &unread,
+    };
     reader.mistakes.extend(check_tree(&written, registry, timeout_secs));
     Some((tree, places))
 }
@@ -279,6 +288,8 @@ pub(crate) struct Written<'a> {
     pub(crate) places: &'a [Place],
     /// Where the keys of the blackboard's first entries stand.
     pub(crate) entry_places: &'a [Place],
+    /// Where the reasons stand that nodes wait for.
+    pub(crate) reason_places: &'a [ReasonPlace],
     /// Nodes and ports that could not be read.
     pub(crate) spoilt: &'a BTreeSet<u32>,
     /// Subtrees that could not be read.
@@ -287,7 +298,7 @@ pub(crate) struct Written<'a> {
 
 /// What `registry` says against the tree, and what it cannot mean.
 pub(crate) fn check_tree<C>(written: &Written<'_>, registry: &Registry<C>, timeout_secs: Option<f64>) -> Vec<Mistake> {
-    let Written { tree, places, entry_places, spoilt, unread } = written;
+    let Written { tree, places, entry_places, reason_places, spoilt, unread } = written;
     let mut mistakes = Vec::new();
     let (mut can_be_walked, mut has_unknown_nodes, has_unread_nodes) = (true, false, !spoilt.is_empty());
     if let Err(errors) = registry.build(tree) {
@@ -318,6 +329,7 @@ pub(crate) fn check_tree<C>(written: &Written<'_>, registry: &Registry<C>, timeo
             entry_keys: &entry_keys,
             places,
             entry_places,
+            reason_places,
             has_unread_nodes,
             has_unknown_nodes,
         };

@@ -5,6 +5,7 @@
 
 use crate::angle::degrees_key;
 use crate::files::INCLUDED_KEYS;
+use crate::reasons::ANY;
 use crate::scene::{MOUTH_M, WALL_M};
 use crate::vocabulary::Vocabulary;
 use serde_json::{Map, Value, json};
@@ -264,7 +265,9 @@ fn body(model: &NodeModel) -> Value {
     let mut either_unit: Vec<Value> = Vec::new();
     for spec in &model.ports {
         let value = if ["retry", "recover"].contains(&&*model.name) && spec.name() == "on" {
-            described(json!({"type": "array", "items": {"$ref": "#/$defs/reason"}}), spec.doc_text())
+            let reason = json!({"$ref": "#/$defs/reason"});
+            let item = if model.name == "recover" { json!({"anyOf": [reason, {"const": ANY}]}) } else { reason };
+            described(json!({"type": "array", "items": item}), spec.doc_text())
         } else {
             port(spec)
         };

@@ -19,6 +19,7 @@ use crate::angle::radians_key;
 use crate::document::{Key, Node, Value};
 use crate::mistake::Place;
 use crate::reader::Reader;
+use crate::reasons::{ANY, ReasonPlace};
 use sfg_tree::{
     ConditionSpec, Direction, Literal, NodeClass, NodeKind, NodeModel, NodeSpec, PortSetting, PortValue, Problem, SubtreePort,
     SubtreeSpec, When, nearest,
@@ -40,6 +41,8 @@ pub(crate) struct TreeReader<'a> {
     pub(crate) unread: BTreeSet<String>,
     /// Where the keys of the blackboard's first entries stand.
     pub(crate) entry_places: Vec<Place>,
+    /// Where the reasons stand that nodes wait for.
+    pub(crate) reason_places: Vec<ReasonPlace>,
     /// How many nodes and ports could not be read; what depends on them is not reported as well.
     pub(crate) spoilt: BTreeSet<u32>,
 }
@@ -144,7 +147,7 @@ impl TreeReader<'_> {
                         self.spoilt.insert(spec.location);
                     }
                     if ["retry", "recover"].contains(&key.text.as_str()) && port.text == "on" {
-                        self.check_reasons(value);
+                        self.check_reasons(spec.location, &key.text, value);
                     }
                     spec.ports.extend(setting);
                 }
@@ -214,12 +217,15 @@ impl TreeReader<'_> {
         }
     }
 
-    fn check_reasons(&mut self, on: &Node) {
+    fn check_reasons(&mut self, location: u32, kind: &str, on: &Node) {
         if let Value::List(items) = &on.value {
             for item in items {
-                if let Value::Text(_) = &item.value {
+                if let Value::Text(text) = &item.value {
+                    self.reason_places.push((location, text.clone(), item.place));
                     let reasons = std::mem::take(&mut self.reasons);
-                    self.reader.word("failure reason", item, &reasons);
+                    if reasons.is_empty() || kind != "recover" || text != ANY {
+                        self.reader.word("failure reason", item, &reasons);
+                    }
                     self.reasons = reasons;
                 }
             }

@@ -172,7 +172,14 @@ impl Scenario {
             entry_places.push(place);
         }
         let (spoilt, unread) = (BTreeSet::new(), BTreeSet::new());
-        let written = Written { tree: &spec, places: &places, entry_places: &entry_places, spoilt: &spoilt, unread: &unread };
+        let written = Written {
+            tree: &spec,
+            places: &places,
+            entry_places: &entry_places,
+            reason_places: &[],
+            spoilt: &spoilt,
+            unread: &unread,
+        };
         let mut found = check_tree(&written, registry, Some(self.limits.timeout_secs));
         // The scenario's entries are there for more than one tree.
         found.retain(|mistake| mistake.severity == Severity::Error || mistake.place.file >= n_own);

@@ -56,7 +56,7 @@ pub struct NodeModel {
     pub doc: Cow<'static, str>,
     /// What it occupies while it runs.
     pub footprint: Footprint,
-    /// Reasons it can fail for; nothing when not said.
+    /// Reasons it can fail for, besides the tree's own ([`crate::reason`]); nothing when not said.
     pub reasons: Option<Vec<Cow<'static, str>>>,
     /// How long it usually takes, seconds.
     pub expected_secs: Option<f64>,
@@ -81,7 +81,7 @@ impl NodeModel {
         self
     }
 
-    /// Says every reason the node can fail for.
+    /// Says every reason the node can fail for, besides the tree's own: what waits for another one below it is then a mistake.
     pub fn fails_with<R: Into<Cow<'static, str>>>(&mut self, reasons: impl IntoIterator<Item = R>) -> &mut Self {
         self.reasons = Some(reasons.into_iter().map(Into::into).collect());
         self
@@ -143,7 +143,10 @@ impl<C> Registry<C> {
         let (models, factories, defaults, lists) = (Arc::new(Vec::new()), Vec::new(), Vec::new(), Vec::new());
         let forms = Arc::new(HashMap::new());
         let mut registry = Self { models, factories, defaults, fields, entries, lists, forms };
-        for BuiltIn { kind, children, model } in models::built_in() {
+        for BuiltIn { kind, children, mut model } in models::built_in() {
+            if !matches!(model.class, NodeClass::Control | NodeClass::Decorator) {
+                model.reasons = Some(Vec::new());
+            }
             registry.add(model, Factory::BuiltIn(kind, children));
         }
         registry.list::<bool>();

@@ -103,6 +103,7 @@ pub fn register(registry: &mut Registry<SkillContext>) {
     ];
     registry
         .action("close_hand", ports, CloseHand::default)
+        .fails_with([FailureReason::Timeout, FailureReason::PluginFailed].map(FailureReason::name))
         .doc("Closes the hand along the grasp policy.")
         .occupies(["hand"])
         .takes_secs(2.0);

@@ -55,40 +55,50 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         PortSpec::output::<ObjectCluster>("object").default_key("object").doc("the thing to hold"),
         PortSpec::output::<Option<ObjectCluster>>("target").default_key("target").doc("what the task acts on, if anything"),
     ];
-    registry.step("infer_functionality", ports, |tick| {
-        let inventory = tick.input::<SceneInventory>("inventory")?;
-        let context = &mut *tick.context;
-        let request = FunctionalityRequest { instruction: &context.instruction, inventory: &inventory };
-        let input_sha256 = hash_of(&(&context.instruction, &*inventory));
-        let answer = context.plugins.llm.infer(&request).map_err(|error| SkillFailure::plugin(&error));
-        context.kept.answer = answer.as_ref().ok().cloned();
-        let outcome = answer.and_then(|answer| accepted(answer, &inventory)).map(|functionality| {
-            let target = functionality.target.as_ref().map_or(String::new(), |target| format!(" into the {}", target.name));
-            let note = StageNote {
-                summary: format!(
-                    "{} the {}{target}: hold the {} with {} ({:.2})",
-                    functionality.task,
-                    functionality.object.name,
-                    functionality.affordance,
-                    functionality.grasp_type,
-                    functionality.confidence
-                ),
-                input_sha256,
-                details: serde_json::json!(functionality),
-            };
-            (functionality, note)
-        });
-        let functionality = context.finish_stage("infer_functionality", outcome)?;
-        let object = inventory.cluster(functionality.object.cluster_id).cloned();
-        let target = functionality.target.as_ref().and_then(|target| inventory.cluster(target.cluster_id)).cloned();
-        tick.set_shared("functionality", Arc::new(functionality));
-        if let Some(object) = object {
-            tick.context.kept.object_in_base = Some(object.centre_in_base);
-            tick.set_shared("object", Arc::new(object));
-        }
-        tick.set_shared("target", Arc::new(target));
-        Ok(())
-    });
+    registry
+        .step("infer_functionality", ports, |tick| {
+            let inventory = tick.input::<SceneInventory>("inventory")?;
+            let context = &mut *tick.context;
+            let request = FunctionalityRequest { instruction: &context.instruction, inventory: &inventory };
+            let input_sha256 = hash_of(&(&context.instruction, &*inventory));
+            let answer = context.plugins.llm.infer(&request).map_err(|error| SkillFailure::plugin(&error));
+            context.kept.answer = answer.as_ref().ok().cloned();
+            let outcome = answer.and_then(|answer| accepted(answer, &inventory)).map(|functionality| {
+                let target = functionality.target.as_ref().map_or(String::new(), |target| format!(" into the {}", target.name));
+                let note = StageNote {
+                    summary: format!(
+                        "{} the {}{target}: hold the {} with {} ({:.2})",
+                        functionality.task,
+                        functionality.object.name,
+                        functionality.affordance,
+                        functionality.grasp_type,
+                        functionality.confidence
+                    ),
+                    input_sha256,
+                    details: serde_json::json!(functionality),
+                };
+                (functionality, note)
+            });
+            let functionality = context.finish_stage("infer_functionality", outcome)?;
+            let object = inventory.cluster(functionality.object.cluster_id).cloned();
+            let target = functionality.target.as_ref().and_then(|target| inventory.cluster(target.cluster_id)).cloned();
+            tick.set_shared("functionality", Arc::new(functionality));
+            if let Some(object) = object {
+                tick.context.kept.object_in_base = Some(object.centre_in_base);
+                tick.set_shared("object", Arc::new(object));
+            }
+            tick.set_shared("target", Arc::new(target));
+            Ok(())
+        })
+        .fails_with(
+            [
+                FailureReason::InvalidFunctionality,
+                FailureReason::NeedsAnswer,
+                FailureReason::Refused,
+                FailureReason::PluginFailed,
+            ]
+            .map(FailureReason::name),
+        );
 }
 
 #[cfg(test)]

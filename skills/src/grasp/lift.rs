@@ -76,5 +76,10 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         PortSpec::input::<SceneInventory>("inventory").default_key("inventory"),
         PortSpec::setting::<f64>("height_m").default_value(0.15).range(0.01, 0.5).doc("How far up, metres."),
     ];
-    registry.action("lift", ports, Lift::default).doc("Lifts the held object straight up.").occupies(["arm"]).takes_secs(3.0);
+    registry
+        .action("lift", ports, Lift::default)
+        .fails_with([FailureReason::LiftFailed, FailureReason::NoPath, FailureReason::TrackingLost].map(FailureReason::name))
+        .doc("Lifts the held object straight up.")
+        .occupies(["arm"])
+        .takes_secs(3.0);
 }

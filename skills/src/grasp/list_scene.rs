@@ -31,28 +31,30 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         PortSpec::input::<Observation>("observation").default_key("observation"),
         PortSpec::output::<SceneInventory>("inventory").default_key("inventory").doc("the things on the table"),
     ];
-    registry.step("list_scene", ports, |tick| {
-        let observation = tick.input::<Observation>("observation")?;
-        let spheres = tick.context.robot.self_spheres();
-        let outcome = tick
-            .context
-            .plugins
-            .grounder
-            .list_scene(&observation, &spheres)
-            .map_err(|error| SkillFailure::plugin(&error))
-            .and_then(|inventory| {
-                if inventory.clusters.is_empty() {
-                    return Err(SkillFailure::new(FailureReason::NothingOnTable, "no object was found on the table"));
-                }
-                let note = StageNote {
-                    summary: describe(&inventory),
-                    input_sha256: hash_observation(&observation),
-                    details: serde_json::json!(inventory),
-                };
-                Ok((inventory, note))
-            });
-        let inventory = tick.context.finish_stage("list_scene", outcome)?;
-        tick.set_shared("inventory", Arc::new(inventory));
-        Ok(())
-    });
+    registry
+        .step("list_scene", ports, |tick| {
+            let observation = tick.input::<Observation>("observation")?;
+            let spheres = tick.context.robot.self_spheres();
+            let outcome = tick
+                .context
+                .plugins
+                .grounder
+                .list_scene(&observation, &spheres)
+                .map_err(|error| SkillFailure::plugin(&error))
+                .and_then(|inventory| {
+                    if inventory.clusters.is_empty() {
+                        return Err(SkillFailure::new(FailureReason::NothingOnTable, "no object was found on the table"));
+                    }
+                    let note = StageNote {
+                        summary: describe(&inventory),
+                        input_sha256: hash_observation(&observation),
+                        details: serde_json::json!(inventory),
+                    };
+                    Ok((inventory, note))
+                });
+            let inventory = tick.context.finish_stage("list_scene", outcome)?;
+            tick.set_shared("inventory", Arc::new(inventory));
+            Ok(())
+        })
+        .fails_with([FailureReason::NothingOnTable, FailureReason::PluginFailed].map(FailureReason::name));
 }

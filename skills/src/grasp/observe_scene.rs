@@ -49,27 +49,29 @@ pub fn hash_observation(observation: &Observation) -> String {
 /// `observe_scene`: Success with `observation` written, Failure `no_view` or `driver_failed`. Never Running.
 pub fn register(registry: &mut Registry<SkillContext>) {
     let ports = [PortSpec::output::<Observation>("observation").default_key("observation").doc("one RGB-D image a camera")];
-    registry.step("observe_scene", ports, |tick| {
-        let outcome = tick.context.robot.observe().and_then(usable_observation).map(|observation| {
-            let n_returns: usize =
-                observation.views.iter().map(|view| view.depth_m.iter().filter(|depth| **depth > 0.0).count()).sum();
-            let n_pixels: usize = observation.views.iter().map(|view| view.depth_m.len()).sum();
-            let share = 100.0 * n_returns as f64 / n_pixels as f64;
-            let note = StageNote {
-                summary: format!("{} views, {share:.0} % of the pixels have depth", observation.views.len()),
-                input_sha256: hash_observation(&observation),
-                details: serde_json::json!({
-                    "cameras": observation.views.iter().map(|view| view.camera.clone()).collect::<Vec<_>>(),
-                    "depth_percent": share,
-                }),
-            };
-            (observation, note)
-        });
-        let observation = Arc::new(tick.context.finish_stage("observe_scene", outcome)?);
-        tick.context.kept.observation.get_or_insert_with(|| Arc::clone(&observation));
-        tick.set_shared("observation", observation);
-        Ok(())
-    });
+    registry
+        .step("observe_scene", ports, |tick| {
+            let outcome = tick.context.robot.observe().and_then(usable_observation).map(|observation| {
+                let n_returns: usize =
+                    observation.views.iter().map(|view| view.depth_m.iter().filter(|depth| **depth > 0.0).count()).sum();
+                let n_pixels: usize = observation.views.iter().map(|view| view.depth_m.len()).sum();
+                let share = 100.0 * n_returns as f64 / n_pixels as f64;
+                let note = StageNote {
+                    summary: format!("{} views, {share:.0} % of the pixels have depth", observation.views.len()),
+                    input_sha256: hash_observation(&observation),
+                    details: serde_json::json!({
+                        "cameras": observation.views.iter().map(|view| view.camera.clone()).collect::<Vec<_>>(),
+                        "depth_percent": share,
+                    }),
+                };
+                (observation, note)
+            });
+            let observation = Arc::new(tick.context.finish_stage("observe_scene", outcome)?);
+            tick.context.kept.observation.get_or_insert_with(|| Arc::clone(&observation));
+            tick.set_shared("observation", observation);
+            Ok(())
+        })
+        .fails_with([FailureReason::NoView].map(FailureReason::name));
 }
 
 #[cfg(test)]

@@ -91,6 +91,7 @@ pub fn register(registry: &mut Registry<SkillContext>) {
     ];
     registry
         .action("reach_palm_pose", ports, ReachPalmPose::default)
+        .fails_with([FailureReason::NoPath, FailureReason::TrackingLost].map(FailureReason::name))
         .doc("Brings the open hand to the selected palm pose.")
         .occupies(["arm", "hand"])
         .takes_secs(5.0);

@@ -114,6 +114,7 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         .doc("What to stay clear of; nothing before the first look.")];
     registry
         .action("ready", ports, Ready::default)
+        .fails_with([FailureReason::NoPath, FailureReason::TrackingLost].map(FailureReason::name))
         .doc("Opens the hand and returns to the ready pose.")
         .occupies(["arm", "hand"])
         .takes_secs(4.0);

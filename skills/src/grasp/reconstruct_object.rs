@@ -91,30 +91,32 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         PortSpec::input::<Vec<AffordanceMask>>("masks").default_key("masks"),
         PortSpec::output::<Reconstruction>("reconstruction").default_key("reconstruction").doc("key point, TSDF and part region"),
     ];
-    registry.step("reconstruct_object", ports, |tick| {
-        let observation = tick.input::<Observation>("observation")?;
-        let object = tick.input::<ObjectCluster>("object")?;
-        let masks = tick.input::<Vec<AffordanceMask>>("masks")?;
-        let outcome = reconstruct(&observation, &object, &masks).map(|reconstruction| {
-            let point = reconstruction.key_point.point_in_base;
-            let n_part_voxels = reconstruction.affordance_region.iter().filter(|voxel| **voxel != 0).count();
-            let note = StageNote {
-                summary: format!(
-                    "key point at ({:.3}, {:.3}, {:.3}) m from {} pixels, {n_part_voxels} voxels of the part",
-                    point.x, point.y, point.z, reconstruction.key_point.n_pixels
-                ),
-                input_sha256: hash_of(&(hash_observation(&observation), object.id)),
-                details: serde_json::json!({
-                    "key_point_in_base": [point.x, point.y, point.z],
-                    "n_pixels": reconstruction.key_point.n_pixels,
-                    "n_part_voxels": n_part_voxels,
-                }),
-            };
-            (reconstruction, note)
-        });
-        let reconstruction = tick.context.finish_stage("reconstruct_object", outcome)?;
-        tick.context.kept.key_point = Some(Arc::new(reconstruction.key_point.clone()));
-        tick.set_shared("reconstruction", Arc::new(reconstruction));
-        Ok(())
-    });
+    registry
+        .step("reconstruct_object", ports, |tick| {
+            let observation = tick.input::<Observation>("observation")?;
+            let object = tick.input::<ObjectCluster>("object")?;
+            let masks = tick.input::<Vec<AffordanceMask>>("masks")?;
+            let outcome = reconstruct(&observation, &object, &masks).map(|reconstruction| {
+                let point = reconstruction.key_point.point_in_base;
+                let n_part_voxels = reconstruction.affordance_region.iter().filter(|voxel| **voxel != 0).count();
+                let note = StageNote {
+                    summary: format!(
+                        "key point at ({:.3}, {:.3}, {:.3}) m from {} pixels, {n_part_voxels} voxels of the part",
+                        point.x, point.y, point.z, reconstruction.key_point.n_pixels
+                    ),
+                    input_sha256: hash_of(&(hash_observation(&observation), object.id)),
+                    details: serde_json::json!({
+                        "key_point_in_base": [point.x, point.y, point.z],
+                        "n_pixels": reconstruction.key_point.n_pixels,
+                        "n_part_voxels": n_part_voxels,
+                    }),
+                };
+                (reconstruction, note)
+            });
+            let reconstruction = tick.context.finish_stage("reconstruct_object", outcome)?;
+            tick.context.kept.key_point = Some(Arc::new(reconstruction.key_point.clone()));
+            tick.set_shared("reconstruction", Arc::new(reconstruction));
+            Ok(())
+        })
+        .fails_with([FailureReason::NoDepth, FailureReason::PartNotFound].map(FailureReason::name));
 }

@@ -210,5 +210,5 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         context.kept.selection = Some(Arc::clone(&selection));
         tick.set_shared("selection", selection);
         Ok(())
-    });
+    }).fails_with([FailureReason::NoCandidateReachable].map(FailureReason::name));
 }

@@ -37,20 +37,22 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         PortSpec::input::<GraspFunctionality>("functionality").default_key("functionality"),
         PortSpec::output::<ClosingPlan>("closing_plan").default_key("closing_plan").doc("preshape and target synergy"),
     ];
-    registry.step("synthesize_grasp", ports, |tick| {
-        let selection = tick.input::<Selection>("selection")?;
-        let functionality = tick.input::<GraspFunctionality>("functionality")?;
-        let plan = closing_plan(&selection, functionality.grasp_type, &tick.context.synergy);
-        let note = StageNote {
-            summary: format!(
-                "preshape c = ({:.2}, {:.2}), close to c = ({:.2}, {:.2})",
-                plan.preshape.c1, plan.preshape.c2, plan.target.c1, plan.target.c2
-            ),
-            input_sha256: hash_of(&(functionality.grasp_type, &selection.chosen.candidate)),
-            details: serde_json::json!({"preshape": plan.preshape, "target": plan.target}),
-        };
-        let plan = tick.context.finish_stage("synthesize_grasp", Ok((plan, note)))?;
-        tick.set_shared("closing_plan", Arc::new(plan));
-        Ok(())
-    });
+    registry
+        .step("synthesize_grasp", ports, |tick| {
+            let selection = tick.input::<Selection>("selection")?;
+            let functionality = tick.input::<GraspFunctionality>("functionality")?;
+            let plan = closing_plan(&selection, functionality.grasp_type, &tick.context.synergy);
+            let note = StageNote {
+                summary: format!(
+                    "preshape c = ({:.2}, {:.2}), close to c = ({:.2}, {:.2})",
+                    plan.preshape.c1, plan.preshape.c2, plan.target.c1, plan.target.c2
+                ),
+                input_sha256: hash_of(&(functionality.grasp_type, &selection.chosen.candidate)),
+                details: serde_json::json!({"preshape": plan.preshape, "target": plan.target}),
+            };
+            let plan = tick.context.finish_stage("synthesize_grasp", Ok((plan, note)))?;
+            tick.set_shared("closing_plan", Arc::new(plan));
+            Ok(())
+        })
+        .fails_with(Vec::<&str>::new());
 }

@@ -43,31 +43,33 @@ pub fn grasp_evidence(feedback: &HandFeedback, hand: &HandProfile) -> GraspEvide
 
 /// `verify_grasp`: Success when the motors feel an object, Failure `grasp_empty`. Never Running.
 pub fn register(registry: &mut Registry<SkillContext>) {
-    registry.step("verify_grasp", [], |tick| {
-        let context = &mut *tick.context;
-        let feedback = context.robot.state().hand;
-        let evidence = grasp_evidence(&feedback, context.synergy.profile());
-        let outcome = if evidence.is_holding {
-            let note = StageNote {
-                summary: format!(
-                    "something blocks the fingers: grip {:.2}, current {:.0} % of stall",
-                    evidence.grip,
-                    100.0 * evidence.current_share
-                ),
-                input_sha256: hash_of(&feedback),
-                details: serde_json::json!(evidence),
+    registry
+        .step("verify_grasp", [], |tick| {
+            let context = &mut *tick.context;
+            let feedback = context.robot.state().hand;
+            let evidence = grasp_evidence(&feedback, context.synergy.profile());
+            let outcome = if evidence.is_holding {
+                let note = StageNote {
+                    summary: format!(
+                        "something blocks the fingers: grip {:.2}, current {:.0} % of stall",
+                        evidence.grip,
+                        100.0 * evidence.current_share
+                    ),
+                    input_sha256: hash_of(&feedback),
+                    details: serde_json::json!(evidence),
+                };
+                Ok(((), note))
+            } else {
+                Err(SkillFailure::new(
+                    FailureReason::GraspEmpty,
+                    format!(
+                        "the hand closed on nothing: grip {:.2}, current {:.0} % of stall",
+                        evidence.grip,
+                        100.0 * evidence.current_share
+                    ),
+                ))
             };
-            Ok(((), note))
-        } else {
-            Err(SkillFailure::new(
-                FailureReason::GraspEmpty,
-                format!(
-                    "the hand closed on nothing: grip {:.2}, current {:.0} % of stall",
-                    evidence.grip,
-                    100.0 * evidence.current_share
-                ),
-            ))
-        };
-        context.finish_stage("verify_grasp", outcome)
-    });
+            context.finish_stage("verify_grasp", outcome)
+        })
+        .fails_with([FailureReason::GraspEmpty].map(FailureReason::name));
 }

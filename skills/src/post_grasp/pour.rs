@@ -343,6 +343,17 @@ pub fn register(registry: &mut Registry<SkillContext>) {
     ];
     registry
         .action("pour", ports, Pour::default)
+        .fails_with(
+            [
+                FailureReason::TargetNotFound,
+                FailureReason::NoDepth,
+                FailureReason::NoPath,
+                FailureReason::NothingPoured,
+                FailureReason::TrackingLost,
+                FailureReason::NoView,
+            ]
+            .map(FailureReason::name),
+        )
         .doc("Pours the held vessel into the target.")
         .occupies(["arm", "hand", "cameras"])
         .takes_secs(25.0);
