@@ -6,8 +6,8 @@ use sfg_plugin::{GraspPolicy, Grounder, LlmBackend, PoseGenerator};
 use sfg_synergy::SynergySpace;
 use sfg_tree::Failure;
 use sfg_types::{
-    AffordanceMask, FailureReason, FunctionalityAnswer, Instruction, Observation, PalmPoseCandidate, Point, Pose, Selection,
-    StageRecord, TaskKeyPoint,
+    AffordanceMask, FailureReason, FunctionalityAnswer, Instruction, Observation, PalmPoseCandidate, Point, Pose, Rejected,
+    SceneInventory, Selection, StageRecord, TaskKeyPoint,
 };
 use sha2::{Digest as _, Sha256};
 use std::sync::Arc;
@@ -48,6 +48,8 @@ pub struct SkillContext {
 pub struct Kept {
     /// First observation of the scene.
     pub observation: Option<Arc<Observation>>,
+    /// What stands on the table.
+    pub inventory: Option<Arc<SceneInventory>>,
     /// Part masks, one a view.
     pub masks: Option<Arc<Vec<AffordanceMask>>>,
     /// Key point.
@@ -56,11 +58,13 @@ pub struct Kept {
     pub candidates: Option<Arc<Vec<PalmPoseCandidate>>>,
     /// What was selected.
     pub selection: Option<Arc<Selection>>,
+    /// Why candidates cannot be used, when none can.
+    pub rejected: Option<Arc<Vec<Rejected>>>,
     /// The language backend's answer.
     pub answer: Option<FunctionalityAnswer>,
     /// Where the thing to hold was seen when it was last chosen.
     pub object_in_base: Option<Point>,
-    /// Latest observation during the task.
+    /// Latest observation.
     pub last_observation: Option<Arc<Observation>>,
     /// Measured palm pose when the hand had closed.
     pub base_from_palm_at_grasp: Option<Pose>,

@@ -18,7 +18,7 @@ pub(crate) const NOT_ATTEMPTED: u8 = 4;
 pub(crate) const ENVIRONMENT: u8 = 5;
 /// The judge found the physics manipulated.
 pub(crate) const PHYSICS_TAMPERED: u8 = 6;
-/// A replay decided otherwise, or a test of a scenario found something else than it expects.
+/// A replay decided otherwise, two recordings differ, or a test of a scenario found something else than it expects.
 pub(crate) const DIFFERENT: u8 = 7;
 /// Ctrl-C or an emergency stop.
 pub(crate) const INTERRUPTED: u8 = 130;
@@ -49,7 +49,7 @@ pub(crate) const HELP: &str = "Exit codes:\n  \
     4    the language backend asked back or refused\n  \
     5    environment: a file cannot be written, a plugin or device is missing\n  \
     6    the judge found the physics manipulated\n  \
-    7    a replay decided otherwise, or a scenario test failed\n  \
+    7    a replay decided otherwise, two recordings differ, or a scenario test failed\n  \
     130  interrupted, the robot was halted";
 
 /// The code of an outcome.

@@ -6,10 +6,12 @@ mod check;
 mod exit;
 mod explain;
 mod files;
+mod log;
 mod pictures;
 mod plan;
 mod plugins;
 mod preview;
+mod recorder;
 mod replay;
 mod run;
 mod say;
@@ -98,6 +100,9 @@ enum Command {
     Tree(tree::TreeCommand),
     /// Shows a past run and runs its tree again with the recorded results of its leaves.
     Replay(replay::ReplayOptions),
+    /// Recordings: info, recover, cut, diff, export.
+    #[command(subcommand)]
+    Log(log::LogCommand),
     /// Says what a failure reason means and what to do.
     Explain {
         /// The reason, for example no_path.
@@ -147,6 +152,12 @@ struct RunOptions {
     /// Lets Groot2 look on at this port of this machine; it can change nothing.
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "1667")]
     groot2: Option<u16>,
+    /// Serves the run live to Foxglove at this port of this machine; it can change nothing.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8765")]
+    foxglove: Option<u16>,
+    /// Leaves the report and the pictures, but no run.mcap.
+    #[arg(long, conflicts_with = "foxglove")]
+    no_recording: bool,
     #[command(flatten)]
     set: SetOptions,
 }
@@ -206,6 +217,7 @@ fn execute(cli: Cli) -> Result<ExitCode> {
         }
         Some(Command::Test { files }) => test::test(&Assets::open(assets)?, &files),
         Some(Command::Tree(command)) => tree::execute(assets, &command),
+        Some(Command::Log(command)) => log::execute(&command),
         Some(Command::Replay(options)) => replay::show(&Assets::open(assets)?, &options),
         Some(Command::Say { sentence, scene, options }) => {
             let assets = Assets::open(assets)?;
@@ -309,6 +321,9 @@ fn run_checked(
         resumed,
         stop_after: options.stop_after.as_deref(),
         groot2: options.groot2,
+        foxglove: options.foxglove,
+        is_recorded: !options.no_recording,
+        tap: None,
         watch: &|| watched.as_ref().and_then(watch::Watch::changed),
         on_stage: &print_stage,
     })?;

@@ -5,7 +5,7 @@ use crate::check::{BadInput, Checked};
 use crate::exit;
 use crate::say::say;
 use anyhow::Result;
-use sfg_record::read_run;
+use sfg_record::{read_run, recording_path};
 use sfg_tree::{NamedChange, NamedRecord, Status, replay};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -28,8 +28,7 @@ pub(crate) struct ReplayOptions {
 
 /// Shows a past run and runs its tree again with the recorded results of its leaves.
 pub(crate) fn show(assets: &Assets, options: &ReplayOptions) -> Result<ExitCode> {
-    let file = if options.run.is_dir() { options.run.join("run.mcap") } else { options.run.clone() };
-    let run = read_run(&file).map_err(|error| BadInput(error.to_string()))?;
+    let run = read_run(&recording_path(&options.run)).map_err(|error| BadInput(error.to_string()))?;
     let value = |key: &str| run.metadata.get(key).map_or("?", String::as_str);
     say!("“{}” · {} · seed {}", value("instruction"), value("scenario"), value("seed"));
     print_changes(&run.journal, options.all);
@@ -40,6 +39,10 @@ pub(crate) fn show(assets: &Assets, options: &ReplayOptions) -> Result<ExitCode>
     if run.metadata.contains_key("resumed") {
         let message =
             "the run was resumed, so that its tree did not begin anew: it cannot be replayed; replay the run it came from";
+        return Err(BadInput(message.to_owned()).into());
+    }
+    if run.metadata.contains_key("cut_from_secs") {
+        let message = "the recording is a part of another, so that its tree does not begin anew: replay the whole one";
         return Err(BadInput(message.to_owned()).into());
     }
     let scenario = match &options.scenario {

@@ -2,26 +2,27 @@
 
 use crate::assets::Assets;
 use crate::check::BadInput;
+use crate::recorder::Recorder;
 use crate::say::{chain, say};
 use crate::scene::draw_scene;
 use crate::sensed;
 use crate::stopped::Stopped;
 use crate::{pictures, plugins};
 use anyhow::{Context as _, Result};
-use sfg_driver_sim::world::{GraspAsked, JudgeHandle, Predicate, Viewpoint};
+use sfg_driver_sim::world::{GraspAsked, JudgeHandle, Predicate, SceneSpec, Viewpoint};
 use sfg_driver_sim::{SimDriver, SimOptions};
 use sfg_kinematics::RobotModel;
 use sfg_planning::{CommandLimiter, LimiterSettings, PalmBox};
-use sfg_record::{Picture, Recording, RobotSample, TransitionSample};
+use sfg_record::{Picture, Tap};
 use sfg_scenario::Scenario;
 use sfg_skills::{Kept, Robot, RobotError, SkillContext, StageLog};
 use sfg_synergy::SynergySpace;
 use sfg_tree::groot::{BtlogWriter, Server};
-use sfg_tree::{EditError, JournalLevel, NamedChange, NamedRecord, Names, Registry, Status, Tree};
+use sfg_tree::{EditError, JournalLevel, NamedRecord, Names, Registry, Status, Tree};
 use sfg_types::{
-    FailureReason, FunctionalityAnswer, Instruction, Outcome, PredicateResult, RobotCommand, RunFailure, RunReport, StageRecord,
+    FailureReason, FunctionalityAnswer, HandProfile, Instruction, Outcome, PredicateResult, RobotCommand, RunFailure, RunReport,
+    StageRecord,
 };
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::PathBuf;
@@ -32,10 +33,6 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 const REPORT_SCHEMA_VERSION: u32 = 1;
 /// Time given to a halted arm to come to rest before the recording is closed.
 const REST_SECS: f64 = 0.6;
-/// The robot is recorded at 100 Hz, every so many control periods at least.
-const RECORD_EVERY_SECS: f64 = 0.01;
-/// Camera images go to the recording at 2 Hz.
-const IMAGE_EVERY_SECS: f64 = 0.5;
 /// A changed scenario is looked for so often, in robot time.
 const WATCH_EVERY_SECS: f64 = 0.2;
 /// Grains that were set in motion come to rest before the judge looks.
@@ -67,6 +64,12 @@ pub(crate) struct RunRequest<'a> {
     pub(crate) stop_after: Option<&'a str>,
     /// Port at which Groot2 can look on.
     pub(crate) groot2: Option<u16>,
+    /// Port at which Foxglove can look on.
+    pub(crate) foxglove: Option<u16>,
+    /// Whether the folder gets a run.mcap.
+    pub(crate) is_recorded: bool,
+    /// Listens to what is recorded, while it is.
+    pub(crate) tap: Option<Tap>,
     /// Called now and then between ticks; a scenario that it gives takes the place of the running one.
     pub(crate) watch: &'a dyn Fn() -> Option<Scenario>,
     /// Called at the end of each stage.
@@ -125,7 +128,7 @@ pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
     let mut session = Session {
         request,
         judge,
-        recording: None,
+        recorder: None,
         at_grasp: None,
         meant: None,
         stage_wall: Vec::new(),
@@ -135,7 +138,7 @@ pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
         begun,
         sent: Vec::new(),
     };
-    session.open_recording()?;
+    session.open_recording(&spec, &profile)?;
     let ready_secs = begun.elapsed().as_secs_f64();
     // Nothing moves on unrecorded.
     let ended = session.tick_to_end(&mut skills).inspect_err(|_| drop(skills.robot.stop()))?;
@@ -154,7 +157,7 @@ struct Ended {
 struct Session<'a> {
     request: &'a RunRequest<'a>,
     judge: JudgeHandle,
-    recording: Option<Recording>,
+    recorder: Option<Recorder>,
     at_grasp: Option<Vec<u8>>,
     /// The scene's own name of what stood where the robot saw the thing that it chose.
     meant: Option<String>,
@@ -170,22 +173,13 @@ struct Session<'a> {
 }
 
 impl Session<'_> {
-    fn open_recording(&mut self) -> Result<()> {
+    fn open_recording(&mut self, scene: &SceneSpec, profile: &HandProfile) -> Result<()> {
         let Some(folder) = &self.request.folder else { return Ok(()) };
         std::fs::create_dir_all(folder)
             .with_context(|| format!("cannot make the run folder {}; choose another with --out", folder.display()))?;
-        let scenario = self.request.scenario;
-        let mut metadata = BTreeMap::from([
-            ("scenario".to_owned(), scenario.path().display().to_string()),
-            ("scenario_sha256".to_owned(), sfg_skills::context::hash_bytes(scenario.full_text().as_bytes())),
-            ("seed".to_owned(), self.request.seed.to_string()),
-            ("engine_version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
-            ("instruction".to_owned(), self.request.instruction.as_str().to_owned()),
-        ]);
-        if self.request.resumed.is_some() {
-            metadata.insert("resumed".to_owned(), "true".to_owned());
+        if self.request.is_recorded {
+            self.recorder = Some(Recorder::open(folder, self.request, scene, profile)?);
         }
-        self.recording = Some(Recording::create(&folder.join("run.mcap"), &metadata)?);
         // A report of an earlier run would belong to another recording.
         for name in ["report.json", "report.html", crate::stopped::FILE] {
             drop(std::fs::remove_file(folder.join(name)));
@@ -242,11 +236,11 @@ impl Session<'_> {
         self.names = Some(tree.names());
         self.open_for_groot(&tree)?;
         let timeout_secs = self.request.scenario.limits.timeout_secs;
-        let (mut recorded_secs, mut image_secs) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
         let (mut first_motion_secs, mut watched_secs, mut state) = (None, 0.0, None);
         if let Some(stopped) = self.request.resumed {
             self.go_on(&mut tree, stopped, skills)?;
         }
+        self.record(|recorder| recorder.tree(&tree))?;
         let mut ended = loop {
             let now_secs = skills.robot.now_secs();
             let status = tree.tick(now_secs, skills);
@@ -254,7 +248,7 @@ impl Session<'_> {
             self.record_changes(&mut tree)?;
             if status == Status::Running && now_secs - watched_secs >= WATCH_EVERY_SECS {
                 watched_secs = now_secs;
-                self.reload(&mut tree);
+                self.reload(&mut tree)?;
             }
             if status != Status::Running {
                 let failure = tree.failure().map(|at| RunFailure {
@@ -302,16 +296,7 @@ impl Session<'_> {
             if self.at_grasp.is_none() && skills.kept.base_from_palm_at_grasp.is_some() {
                 self.at_grasp = self.close_up(skills)?;
             }
-            if now_secs - recorded_secs >= RECORD_EVERY_SECS - 1e-9 {
-                recorded_secs = now_secs;
-                self.record_robot(skills)?;
-            }
-            if now_secs - image_secs >= IMAGE_EVERY_SECS
-                && let Some(observation) = skills.kept.last_observation.take()
-            {
-                image_secs = now_secs;
-                self.record_images(now_secs, &observation)?;
-            }
+            self.record_period(skills)?;
         };
         // A halt changes nodes too.
         self.record_changes(&mut tree)?;
@@ -322,10 +307,7 @@ impl Session<'_> {
         let rest_secs = if ended.status == Status::Success { JUDGE_AFTER_SECS } else { REST_SECS };
         let until_secs = skills.robot.now_secs() + rest_secs;
         while skills.robot.now_secs() < until_secs {
-            if skills.robot.now_secs() - recorded_secs >= RECORD_EVERY_SECS - 1e-9 {
-                recorded_secs = skills.robot.now_secs();
-                self.record_robot(skills)?;
-            }
+            self.record_period(skills)?;
             let advanced = skills.robot.advance();
             self.sent.push(skills.robot.sent().clone());
             if let Err(error) = advanced {
@@ -345,8 +327,8 @@ impl Session<'_> {
     }
 
     /// Goes on with a changed scenario, if there is one and nothing that runs would vanish.
-    fn reload(&mut self, tree: &mut Tree<SkillContext>) {
-        let Some(scenario) = (self.request.watch)() else { return };
+    fn reload(&mut self, tree: &mut Tree<SkillContext>) -> Result<()> {
+        let Some(scenario) = (self.request.watch)() else { return Ok(()) };
         match tree.reload(self.request.registry, &scenario.tree) {
             Ok(reloaded) => {
                 self.names = Some(tree.names());
@@ -359,31 +341,40 @@ impl Session<'_> {
                 let changes = list("+", &reloaded.added) + &list("-", &reloaded.removed);
                 let changes = if changes.is_empty() { " no node came or went".to_owned() } else { changes };
                 say!("reloaded the tree:{changes}");
+                self.record(|recorder| recorder.tree(tree))?;
             }
             Err(EditError::Build(_)) => say!("not reloaded: {} no longer fits", scenario.path().display()),
             Err(error) => say!("not reloaded: {error}"),
         }
+        Ok(())
+    }
+
+    /// Tells the recorder, if this run leaves a recording.
+    fn record(&mut self, tell: impl FnOnce(&mut Recorder) -> Result<()>) -> Result<()> {
+        self.recorder.as_mut().map_or(Ok(()), tell)
+    }
+
+    fn record_period(&mut self, skills: &SkillContext) -> Result<()> {
+        let judge = self.judge.clone();
+        self.record(|recorder| recorder.period(skills, &judge))
     }
 
     fn record_stages(&mut self, skills: &mut SkillContext) -> Result<()> {
-        for (stage, secs) in skills.log.take_new() {
-            (self.request.on_stage)(&stage, secs);
-            self.stage_wall.push((stage.stage.clone(), secs));
-            if let Some(recording) = &mut self.recording {
-                recording.stage(&stage)?;
-            }
+        let ended = skills.log.take_new();
+        for (stage, secs) in &ended {
+            (self.request.on_stage)(stage, *secs);
+            self.stage_wall.push((stage.stage.clone(), *secs));
             if stage.stage == "infer_functionality"
                 && let Some(seen) = &skills.kept.object_in_base
             {
                 self.meant = self.judge.object_at(seen);
             }
-            if stage.stage == "observe_scene"
-                && let Some(observation) = skills.kept.observation.clone()
-            {
-                self.record_images(stage.stamp_secs, &observation)?;
-            }
         }
-        Ok(())
+        if ended.is_empty() {
+            return Ok(());
+        }
+        let ended: Vec<StageRecord> = ended.into_iter().map(|(stage, _)| stage).collect();
+        self.record(|recorder| recorder.stages(&ended, skills))
     }
 
     fn record_changes(&mut self, tree: &mut Tree<SkillContext>) -> Result<()> {
@@ -394,38 +385,9 @@ impl Session<'_> {
         if let Some(btlog) = &mut self.btlog {
             btlog.records(&changes)?;
         }
-        let (Some(recording), Some(names)) = (&mut self.recording, &self.names) else { return Ok(()) };
+        let (Some(recorder), Some(names)) = (&mut self.recorder, &self.names) else { return Ok(()) };
         let changes: Vec<NamedRecord> = changes.into_iter().map(|record| names.of(record)).collect();
-        for record in &changes {
-            if let NamedChange::Status { from, to } = record.change {
-                recording.transition(&TransitionSample {
-                    stamp_secs: record.now_secs,
-                    tick: record.tick_idx,
-                    node: record.path.clone(),
-                    from: from.name().to_owned(),
-                    to: to.name().to_owned(),
-                })?;
-            }
-        }
-        recording.journal(&changes)?;
-        Ok(())
-    }
-
-    fn record_robot(&mut self, skills: &SkillContext) -> Result<()> {
-        if let Some(recording) = &mut self.recording {
-            let sent = skills.robot.sent();
-            recording.robot(&RobotSample { state: skills.robot.state(), q_command: &sent.q, hand_command: sent.hand })?;
-        }
-        Ok(())
-    }
-
-    fn record_images(&mut self, stamp_secs: f64, observation: &sfg_types::Observation) -> Result<()> {
-        if let Some(recording) = &mut self.recording {
-            for view in &observation.views {
-                recording.image(stamp_secs, &view.camera, &pictures::camera_png(view)?)?;
-            }
-        }
-        Ok(())
+        recorder.changes(&changes)
     }
 
     /// A simulator picture of the closed hand.
@@ -555,14 +517,8 @@ impl Session<'_> {
         if let Some(png) = self.at_grasp.take() {
             shown.push(Picture::new("grasp", "The hand when it had closed (simulator picture).", png));
         }
-        if let Some(mut recording) = self.recording.take() {
-            for picture in &shown {
-                recording.image(report.duration_secs, &picture.name, &picture.png)?;
-            }
-            recording.finish(
-                report.duration_secs,
-                &serde_json::json!({"outcome": report.outcome, "predicates": report.predicates, "judge": report.judge}),
-            )?;
+        if let Some(recorder) = self.recorder.take() {
+            recorder.finish(report)?;
         }
         sfg_record::write_page(&folder, report, &shown)?;
         sfg_record::write_report(&folder, report)?;

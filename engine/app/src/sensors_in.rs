@@ -38,6 +38,9 @@ pub(super) fn run_watched(text: &str, simulator: Simulator<'_>, watch: &dyn Fn(&
         resumed: None,
         stop_after: None,
         groot2: None,
+        foxglove: None,
+        is_recorded: true,
+        tap: None,
         watch: &|| watch(&load),
         on_stage: &|_, _| {},
     })

@@ -224,6 +224,9 @@ fn run_unit(checked: &Checked, assets: &Assets, instruction: &Instruction, seed:
         resumed: None,
         stop_after: None,
         groot2: None,
+        foxglove: None,
+        is_recorded: true,
+        tap: None,
         watch: &|| None,
         on_stage: &|_, _| {},
     };

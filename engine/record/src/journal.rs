@@ -1,27 +1,64 @@
 //! The journal of a tree in `run.mcap`: enough to let the tree decide again.
 
+use crate::log_file::LogFile;
+use crate::messages::{JournalTick, Transition, Write};
 use crate::{RecordError, Recording};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 use sfg_tree::{Failure, Literal, NamedChange, NamedRecord, Status};
 use std::path::Path;
 
 /// Topic of the journal: one message a tick.
 pub(crate) const TOPIC: &str = "/journal";
 
-/// Layout of its messages.
-pub(crate) const SCHEMA: &str = r#"{"type":"object","properties":{"tick":{"type":"integer"},"now_secs":{"type":"number"},"halt":{"type":"boolean"},"changes":{"type":"array","description":"[\"status\", path, from, to], [\"failed\", path, reason, detail] or [\"wrote\", path, key, value]; the path of the application is empty"}}}"#;
-
 impl Recording {
-    /// Records what happened in a tree since the last call.
+    /// Records what happened in a tree since the last call: `/journal`, `/tree` and `/blackboard`. Flushes when a status
+    /// changed, so that the reason of a crash is in the file.
     ///
     /// # Errors
     /// [`RecordError`] when the file cannot be written.
-    pub fn journal(&mut self, records: &[NamedRecord]) -> Result<(), RecordError> {
+    pub fn changes(&mut self, records: &[NamedRecord]) -> Result<(), RecordError> {
+        self.journal(records)?;
+        let (mut failure, mut is_changed) = (None, false);
+        for record in records {
+            let (stamp_secs, tick, node) = (record.now_secs, record.tick_idx, record.path.clone());
+            match &record.change {
+                NamedChange::Failed(found) => failure = Some((&record.path, found)),
+                NamedChange::Status { from, to } => {
+                    let why = failure.take_if(|(path, _)| *path == &record.path && *to == Status::Failure);
+                    is_changed = true;
+                    self.write(
+                        stamp_secs,
+                        &Transition {
+                            stamp_secs,
+                            tick,
+                            node,
+                            from: from.name().to_owned(),
+                            to: to.name().to_owned(),
+                            reason: why.map(|(_, failure)| failure.reason.to_string()),
+                            detail: why.map(|(_, failure)| failure.detail.clone()),
+                        },
+                    )?;
+                }
+                NamedChange::Write { key, value } => {
+                    let value = value.as_ref().map_or(Value::Null, json_of);
+                    self.write(stamp_secs, &Write { stamp_secs, tick, node, key: key.clone(), value })?;
+                }
+                NamedChange::Ticked | NamedChange::HaltAsked => {}
+            }
+        }
+        match records.last() {
+            Some(last) if is_changed => self.flush(last.now_secs),
+            _ => Ok(()),
+        }
+    }
+
+    fn journal(&mut self, records: &[NamedRecord]) -> Result<(), RecordError> {
         let mut begin = 0;
         for end in 1..=records.len() {
             let is_step = |at: usize| matches!(records[at].change, NamedChange::Ticked | NamedChange::HaltAsked);
             if end == records.len() || is_step(end) {
-                self.write(TOPIC, records[begin].now_secs, &message(&records[begin..end]))?;
+                let tick = message(&records[begin..end]);
+                self.write(tick.now_secs, &tick)?;
                 begin = end;
             }
         }
@@ -29,27 +66,21 @@ impl Recording {
     }
 }
 
-fn message(records: &[NamedRecord]) -> Value {
+fn message(records: &[NamedRecord]) -> JournalTick {
     let change = |record: &NamedRecord| match &record.change {
         NamedChange::Status { from, to } => Some(json!(["status", record.path, from.name(), to.name()])),
         NamedChange::Failed(failure) => Some(json!(["failed", record.path, failure.reason, failure.detail])),
         NamedChange::Write { key, value } => Some(json!(["wrote", record.path, key, value.as_ref().map(json_of)])),
         NamedChange::Ticked | NamedChange::HaltAsked => None,
     };
-    let mut message = Map::new();
-    message.insert("tick".to_owned(), json!(records[0].tick_idx));
-    message.insert("now_secs".to_owned(), json!(records[0].now_secs));
-    match records[0].change {
-        NamedChange::Ticked => {}
-        NamedChange::HaltAsked => drop(message.insert("halt".to_owned(), json!(true))),
+    JournalTick {
+        tick: records[0].tick_idx,
+        now_secs: records[0].now_secs,
+        halt: matches!(records[0].change, NamedChange::HaltAsked),
         // Written by the application before the first tick.
-        _ => drop(message.insert("before".to_owned(), json!(true))),
+        before: !matches!(records[0].change, NamedChange::Ticked | NamedChange::HaltAsked),
+        changes: records.iter().filter_map(change).collect(),
     }
-    let changes: Vec<Value> = records.iter().filter_map(change).collect();
-    if !changes.is_empty() {
-        message.insert("changes".to_owned(), Value::Array(changes));
-    }
-    Value::Object(message)
 }
 
 /// A literal as JSON.
@@ -100,33 +131,17 @@ pub struct RecordedRun {
 /// # Errors
 /// [`RecordError::Unreadable`] when the file is missing, is no recording or has no journal.
 pub fn read_run(path: &Path) -> Result<RecordedRun, RecordError> {
+    let file = LogFile::open(path)?;
     let unreadable = |message: String| RecordError::Unreadable { path: path.to_owned(), message };
-    let bytes = std::fs::read(path).map_err(|error| unreadable(error.to_string()))?;
-    let mut run = RecordedRun::default();
-    let records = mcap::read::ChunkFlattener::new_with_options(&bytes, mcap::read::Options::IgnoreEndMagic.into())
-        .map_err(|error| unreadable(format!("it is no recording: {error}")))?;
-    let (mut channel, mut n_records) = (None, 0_u64);
-    for record in records {
-        n_records += 1;
-        match record {
-            Ok(mcap::records::Record::Metadata(metadata)) if metadata.name == "run" => run.metadata = metadata.metadata,
-            Ok(mcap::records::Record::DataEnd(_)) => run.is_whole = true,
-            Ok(mcap::records::Record::Channel(found)) if found.topic == TOPIC => channel = Some(found.id),
-            Ok(mcap::records::Record::Message { header, data }) if Some(header.channel_id) == channel => {
-                let message =
-                    serde_json::from_slice(&data).map_err(|error| unreadable(format!("a message of {TOPIC}: {error}")))?;
-                read_message(&message, &mut run.journal).map_err(|error| unreadable(format!("a message of {TOPIC}: {error}")))?;
-            }
-            Ok(_) => {}
-            Err(error) if n_records == 1 => return Err(unreadable(format!("it is no recording: {error}"))),
-            // A file that was cut off ends here.
-            Err(_) => break,
-        }
-    }
-    if channel.is_none() {
+    let mut run = RecordedRun { metadata: file.metadata.clone(), is_whole: file.is_whole, ..RecordedRun::default() };
+    let ticks = file.json(TOPIC)?;
+    if ticks.is_empty() {
         return Err(unreadable(format!(
             "it has no {TOPIC}: it is damaged, cut off at its beginning, or was recorded by an older program"
         )));
+    }
+    for (_, tick) in &ticks {
+        read_message(tick, &mut run.journal).map_err(|error| unreadable(format!("a message of {TOPIC}: {error}")))?;
     }
     Ok(run)
 }
@@ -188,24 +203,30 @@ mod tests {
         ];
         let metadata = BTreeMap::from([("seed".to_owned(), "7".to_owned())]);
         let mut recording = Recording::create(&path, &metadata).unwrap();
-        recording.journal(&journal).unwrap();
-        recording.finish(1.0, &json!({})).unwrap();
+        recording.changes(&journal).unwrap();
+        recording.finish(1.0, &verdict()).unwrap();
         let run = read_run(&path).unwrap();
         assert_eq!((run.journal, run.metadata, run.is_whole), (journal, metadata, true));
         // Cut off in its summary: every message is there.
         let bytes = std::fs::read(&path).unwrap();
         std::fs::write(&path, &bytes[..bytes.len() - 40]).unwrap();
         let cut = read_run(&path).unwrap();
-        assert_eq!((cut.journal.len(), cut.is_whole), (8, true));
+        assert_eq!((cut.journal.len(), cut.is_whole), (8, false));
         // A run that was killed.
         let mut recording = Recording::create(&path, &BTreeMap::new()).unwrap();
-        recording.journal(&cut.journal).unwrap();
-        recording.robot(&crate::RobotSample { state: &killed(), q_command: &[], hand_command: HandCommand::default() }).unwrap();
+        recording.changes(&cut.journal).unwrap();
+        recording
+            .robot(&crate::messages::RobotSample { state: &killed(), q_command: &[], hand_command: HandCommand::default() })
+            .unwrap();
         let bytes = std::fs::read(&path).unwrap();
         drop(recording);
         std::fs::write(&path, bytes).unwrap();
         let cut = read_run(&path).unwrap();
         assert_eq!((cut.journal.len(), cut.is_whole), (8, false));
+    }
+
+    fn verdict() -> crate::messages::Verdict<'static> {
+        crate::messages::Verdict { outcome: sfg_types::Outcome::Success, predicates: &[], judge: &Value::Null }
     }
 
     /// A sample late enough to have everything before it written out.

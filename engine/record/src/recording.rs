@@ -1,154 +1,183 @@
 //! `run.mcap`: what happened when, on the driver's clock.
 //!
-//! Messages are JSON with a JSON schema each, so that any MCAP reader shows them without our code. The file is flushed each
-//! second and at every status change: after a kill at most the last second is missing.
+//! Our own channels are JSON with the schema of their struct, the others have the schemas that Foxglove and Rerun know, so that
+//! any MCAP reader shows them without our code. The file is flushed at every status change and once a second, of the driver's
+//! clock and of the wall's: after a kill at most the last second is missing.
 
-use crate::RecordError;
-use base64::Engine as _;
-use mcap::records::MessageHeader;
-use serde::Serialize;
-use sfg_types::{HandCommand, RobotState, StageRecord};
+use crate::messages::{
+    Candidates, Functionality, Inventory, KeyPoint, Masks, Message, MotorSample, RobotSample, RunHeader, Stage, SynergySample,
+    TreeDefinition, TruthSample, Verdict, nanos,
+};
+use crate::sink::{File, Live};
+use crate::tap::{Recorded, Tap};
+use crate::{RecordError, cloud, frames, scene, views};
+use foxglove::{Channel, ChannelBuilder, Context, Encode, PartialMetadata, RawChannel, Schema};
+use sfg_types::{Observation, StageRecord};
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufWriter;
-use std::path::{Path, PathBuf};
-
-/// One control period: what was measured and what was asked for.
-#[derive(Clone, Debug, Serialize)]
-pub struct RobotSample<'a> {
-    /// Measurement.
-    #[serde(flatten)]
-    pub state: &'a RobotState,
-    /// Commanded joint positions, radians.
-    pub q_command: &'a [f64],
-    /// Hand set point.
-    pub hand_command: HandCommand,
-}
-
-/// One status change of one node.
-#[derive(Clone, Debug, Serialize)]
-pub struct TransitionSample {
-    /// Time on the driver's clock.
-    pub stamp_secs: f64,
-    /// Tick in which it happened.
-    pub tick: u64,
-    /// Path of the node in the tree.
-    pub node: String,
-    /// Status before.
-    pub from: String,
-    /// Status after.
-    pub to: String,
-}
-
-struct Channel {
-    id: u16,
-    sequence: u32,
-}
-
-/// An open `run.mcap`.
-pub struct Recording {
-    path: PathBuf,
-    writer: mcap::Writer<BufWriter<File>>,
-    channels: BTreeMap<String, Channel>,
-    flushed_secs: f64,
-}
+use std::path::Path;
+use std::sync::Arc;
 
 const FLUSH_EVERY_SECS: f64 = 1.0;
 
-/// Topic, schema name, schema. Names are stable: a new layout gets a new number.
-const SCHEMAS: &[(&str, &str, &str)] = &[
-    (
-        "/robot",
-        "sfg.RobotSample.v1",
-        r#"{"type":"object","properties":{"stamp_secs":{"type":"number"},"side":{"type":"string"},"q":{"type":"array","items":{"type":"number"}},"dq":{"type":"array","items":{"type":"number"}},"q_command":{"type":"array","items":{"type":"number"}},"hand":{"type":"object"},"hand_command":{"type":"object"}}}"#,
-    ),
-    (
-        "/tree",
-        "sfg.Transition.v1",
-        r#"{"type":"object","properties":{"stamp_secs":{"type":"number"},"tick":{"type":"integer"},"node":{"type":"string"},"from":{"type":"string"},"to":{"type":"string"}}}"#,
-    ),
-    (
-        "/stages",
-        "sfg.Stage.v1",
-        r#"{"type":"object","properties":{"stage":{"type":"string"},"stamp_secs":{"type":"number"},"failure":{"type":["string","null"]},"summary":{"type":"string"},"input_sha256":{"type":"string"},"details":{"type":"object"}}}"#,
-    ),
-    (crate::journal::TOPIC, "sfg.Journal.v1", crate::journal::SCHEMA),
-    ("/verdict", "sfg.Verdict.v1", r#"{"type":"object"}"#),
-];
+/// How much of a look is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Detail {
+    /// A decision was taken on it: everything in full, and the points.
+    Full,
+    /// One of many: stronger compression, depth at a third of the resolution.
+    Glance,
+}
 
-/// Schema of an encoded picture as viewers know it.
-const IMAGE_SCHEMA: (&str, &str) = (
-    "foxglove.CompressedImage",
-    r#"{"type":"object","properties":{"timestamp":{"type":"object","properties":{"sec":{"type":"integer"},"nsec":{"type":"integer"}}},"frame_id":{"type":"string"},"data":{"type":"string","contentEncoding":"base64"},"format":{"type":"string"}}}"#,
-);
+/// An open `run.mcap`, and the live socket if one was asked for.
+pub struct Recording {
+    context: Arc<Context>,
+    file: File,
+    live: Option<Live>,
+    tap: Option<Tap>,
+    channels: BTreeMap<String, Arc<RawChannel>>,
+    frames: frames::Frames,
+    scene: scene::Scene,
+    cameras: BTreeMap<String, views::CameraChannels>,
+    cloud: Channel<foxglove::messages::PointCloud>,
+    log: Channel<foxglove::messages::Log>,
+    flushed_secs: f64,
+}
 
 impl Recording {
-    /// Opens `path` for writing and declares the channels; `metadata` (scenario, seed, hashes) goes to the front of the file.
+    /// Opens `path` for writing; `metadata` (scenario, seed, hashes) goes to the front of the file.
     ///
     /// # Errors
     /// [`RecordError`] when the file cannot be written.
     pub fn create(path: &Path, metadata: &BTreeMap<String, String>) -> Result<Self, RecordError> {
-        let file = File::create(path).map_err(|source| RecordError::Io { path: path.to_owned(), source })?;
-        let fail = |source| RecordError::Mcap { path: path.to_owned(), source };
-        let mut writer = mcap::WriteOptions::new()
-            .library(concat!("sfg-record ", env!("CARGO_PKG_VERSION")))
-            .compression(None)
-            .create(BufWriter::new(file))
-            .map_err(fail)?;
-        writer.write_metadata(&mcap::records::Metadata { name: "run".to_owned(), metadata: metadata.clone() }).map_err(fail)?;
-        let mut recording = Self { path: path.to_owned(), writer, channels: BTreeMap::new(), flushed_secs: 0.0 };
-        for (topic, name, schema) in SCHEMAS {
-            recording.declare(topic, name, schema)?;
+        let context = Context::new();
+        let file = File::create(path, &context, metadata)?;
+        Ok(Self {
+            frames: frames::Frames::new(&context),
+            scene: scene::Scene::new(&context),
+            cameras: BTreeMap::new(),
+            cloud: typed(&context, "/cloud"),
+            log: typed(&context, "/log"),
+            context,
+            file,
+            live: None,
+            tap: None,
+            channels: BTreeMap::new(),
+            flushed_secs: 0.0,
+        })
+    }
+
+    /// Hands every JSON message and every camera image to `tap` as well, as they are recorded.
+    #[must_use]
+    pub fn with_tap(mut self, tap: Option<Tap>) -> Self {
+        self.tap = tap;
+        self
+    }
+
+    /// Serves every channel to Foxglove at this port of this machine (0: one that is free); the port that it became.
+    ///
+    /// # Errors
+    /// [`RecordError::Port`] when the port is taken.
+    pub fn serve(&mut self, port: u16) -> Result<u16, RecordError> {
+        let live = Live::start(&self.context, port)?;
+        let port = live.port();
+        self.live = Some(live);
+        Ok(port)
+    }
+
+    /// Puts a file beside the messages: a robot description, a mesh.
+    ///
+    /// # Errors
+    /// [`RecordError`] when the file cannot be written.
+    pub fn attach(&mut self, name: &str, media_type: &str, bytes: &[u8]) -> Result<(), RecordError> {
+        self.file.attach(name, media_type, bytes)
+    }
+
+    /// Records what everything else refers to, and the frames and the scene that follow from it.
+    ///
+    /// # Errors
+    /// [`RecordError`] when the file cannot be written.
+    pub fn begin(&mut self, header: &RunHeader) -> Result<(), RecordError> {
+        self.write(0.0, header)?;
+        self.frames.begin(header);
+        self.scene.begin(header);
+        for camera in &header.cameras {
+            let channels = views::CameraChannels::new(&self.context, &camera.name);
+            channels.calibration(0, &camera.intrinsics);
+            self.cameras.insert(camera.name.clone(), channels);
         }
-        Ok(recording)
+        self.flush(0.0)
     }
 
-    fn declare(&mut self, topic: &str, name: &str, schema: &str) -> Result<(), RecordError> {
-        let fail = |source| RecordError::Mcap { path: self.path.clone(), source };
-        let schema_id = self.writer.add_schema(name, "jsonschema", schema.as_bytes()).map_err(fail)?;
-        let fail = |source| RecordError::Mcap { path: self.path.clone(), source };
-        let id = self.writer.add_channel(schema_id, topic, "json", &BTreeMap::new()).map_err(fail)?;
-        self.channels.insert(topic.to_owned(), Channel { id, sequence: 0 });
-        Ok(())
-    }
-
-    pub(crate) fn write(&mut self, topic: &str, stamp_secs: f64, message: &impl Serialize) -> Result<(), RecordError> {
-        let bytes = serde_json::to_vec(message).map_err(|source| RecordError::Encode { what: "a message", source })?;
-        let Some(channel) = self.channels.get_mut(topic) else {
-            unreachable!("every topic is declared before its first message");
-        };
-        let log_time = (stamp_secs.max(0.0) * 1e9).round() as u64;
-        let header = MessageHeader { channel_id: channel.id, sequence: channel.sequence, log_time, publish_time: log_time };
-        channel.sequence += 1;
-        self.writer
-            .write_to_known_channel(&header, &bytes)
-            .map_err(|source| RecordError::Mcap { path: self.path.clone(), source })?;
-        if stamp_secs - self.flushed_secs >= FLUSH_EVERY_SECS {
-            self.flush(stamp_secs)?;
+    /// Records one message of our own.
+    pub(crate) fn write<M: Message>(&mut self, stamp_secs: f64, message: &M) -> Result<(), RecordError> {
+        let bytes = serde_json::to_vec(message).map_err(|source| RecordError::Encode { what: M::TOPIC, source })?;
+        if !self.channels.contains_key(M::TOPIC) {
+            let schema =
+                serde_json::to_vec(&schema_of::<M>()).map_err(|source| RecordError::Encode { what: M::TOPIC, source })?;
+            let channel = ChannelBuilder::new(M::TOPIC)
+                .context(&self.context)
+                .message_encoding("json")
+                .schema(Schema::new(M::SCHEMA, "jsonschema", schema))
+                .build_raw()
+                .map_err(|source| self.file.failed(source))?;
+            self.channels.insert(M::TOPIC.to_owned(), channel);
         }
-        Ok(())
+        let log_time_ns = nanos(stamp_secs);
+        if let Some(channel) = self.channels.get(M::TOPIC) {
+            channel.log_with_meta(&bytes, PartialMetadata::with_log_time(log_time_ns));
+        }
+        if let Some(tap) = &self.tap {
+            tap(&Recorded::Message { topic: M::TOPIC, schema: M::SCHEMA, log_time_ns, bytes: &bytes });
+        }
+        self.written(stamp_secs)
     }
 
-    fn flush(&mut self, stamp_secs: f64) -> Result<(), RecordError> {
+    fn written(&mut self, stamp_secs: f64) -> Result<(), RecordError> {
+        self.file.touch();
+        if stamp_secs - self.flushed_secs >= FLUSH_EVERY_SECS { self.flush(stamp_secs) } else { Ok(()) }
+    }
+
+    pub(crate) fn flush(&mut self, stamp_secs: f64) -> Result<(), RecordError> {
         self.flushed_secs = stamp_secs;
-        self.writer.flush().map_err(|source| RecordError::Mcap { path: self.path.clone(), source })
+        self.file.flush()
     }
 
-    /// Records a control period.
+    /// Records the tree as it is built.
+    ///
+    /// # Errors
+    /// [`RecordError`] when the file cannot be written.
+    pub fn definition(&mut self, stamp_secs: f64, definition: &TreeDefinition) -> Result<(), RecordError> {
+        self.write(stamp_secs, definition)
+    }
+
+    /// Records a control period: `/robot` and `/joint_states`.
     ///
     /// # Errors
     /// [`RecordError`] when the file cannot be written.
     pub fn robot(&mut self, sample: &RobotSample<'_>) -> Result<(), RecordError> {
-        self.write("/robot", sample.state.stamp_secs, sample)
+        self.frames.joint_states(sample.state);
+        self.write(sample.state.stamp_secs, sample)
     }
 
-    /// Records a status change and flushes, so that the reason of a crash is in the file.
+    /// Records the hand in its synergy plane and its motors.
     ///
     /// # Errors
     /// [`RecordError`] when the file cannot be written.
-    pub fn transition(&mut self, sample: &TransitionSample) -> Result<(), RecordError> {
-        self.write("/tree", sample.stamp_secs, sample)?;
-        self.flush(sample.stamp_secs)
+    pub fn hand(&mut self, synergy: &SynergySample, motors: &MotorSample) -> Result<(), RecordError> {
+        self.write(synergy.stamp_secs, synergy)?;
+        self.write(motors.stamp_secs, motors)
+    }
+
+    /// Records where the moving links are: `q` is the configuration of the whole robot. Objects go where `truth` says.
+    ///
+    /// # Errors
+    /// [`RecordError`] when the file cannot be written.
+    pub fn transforms(&mut self, stamp_secs: f64, q: &[f64], truth: Option<&TruthSample>) -> Result<(), RecordError> {
+        self.frames.transforms(stamp_secs, q, truth.map_or(&[], |truth| &truth.objects));
+        if let Some(truth) = truth {
+            self.write(stamp_secs, truth)?;
+        }
+        self.written(stamp_secs)
     }
 
     /// Records the end of a stage.
@@ -156,93 +185,128 @@ impl Recording {
     /// # Errors
     /// [`RecordError`] when the file cannot be written.
     pub fn stage(&mut self, stage: &StageRecord) -> Result<(), RecordError> {
-        self.write("/stages", stage.stamp_secs, stage)
+        use foxglove::messages::log::Level;
+        let text = match stage.failure {
+            None => format!("{}: {}", stage.stage, stage.summary),
+            Some(reason) => format!("{} failed ({}): {}", stage.stage, reason.name(), stage.summary),
+        };
+        self.say(stage.stamp_secs, if stage.failure.is_some() { Level::Warning } else { Level::Info }, &stage.stage, text);
+        self.write(stage.stamp_secs, &Stage(stage))
     }
 
-    /// Records an encoded picture under `/images/<name>`.
+    fn say(&self, stamp_secs: f64, level: foxglove::messages::log::Level, name: &str, message: String) {
+        let log_time_ns = nanos(stamp_secs);
+        let entry = foxglove::messages::Log {
+            timestamp: Some(timestamp(log_time_ns)),
+            level: level as i32,
+            message,
+            name: name.to_owned(),
+            ..foxglove::messages::Log::default()
+        };
+        self.log.log_with_time(&entry, log_time_ns);
+    }
+
+    /// Records what the language backend answered.
     ///
     /// # Errors
     /// [`RecordError`] when the file cannot be written.
-    pub fn image(&mut self, stamp_secs: f64, name: &str, png: &[u8]) -> Result<(), RecordError> {
-        #[derive(Serialize)]
-        struct Stamp {
-            sec: u64,
-            nsec: u64,
+    pub fn functionality(&mut self, message: &Functionality<'_>) -> Result<(), RecordError> {
+        self.write(message.stamp_secs, message)
+    }
+
+    /// Records what stands on the table.
+    ///
+    /// # Errors
+    /// [`RecordError`] when the file cannot be written.
+    pub fn inventory(&mut self, message: &Inventory<'_>) -> Result<(), RecordError> {
+        self.write(message.stamp_secs, message)
+    }
+
+    /// Records the part to hold and draws it over the images.
+    ///
+    /// # Errors
+    /// [`RecordError`] when the file cannot be written.
+    pub fn masks(&mut self, message: &Masks) -> Result<(), RecordError> {
+        for view in &message.views {
+            if let Some(camera) = self.cameras.get(&view.camera) {
+                camera.annotations(nanos(message.stamp_secs), view);
+            }
         }
-        #[derive(Serialize)]
-        struct CompressedImage<'a> {
-            timestamp: Stamp,
-            frame_id: &'a str,
-            data: String,
-            format: &'static str,
+        self.write(message.stamp_secs, message)
+    }
+
+    /// Records the key point and shows it in the scene.
+    ///
+    /// # Errors
+    /// [`RecordError`] when the file cannot be written.
+    pub fn key_point(&mut self, message: &KeyPoint) -> Result<(), RecordError> {
+        self.scene.key_point(message);
+        self.write(message.stamp_secs, message)
+    }
+
+    /// Records the palm poses and shows them in the scene.
+    ///
+    /// # Errors
+    /// [`RecordError`] when the file cannot be written.
+    pub fn candidates(&mut self, message: &Candidates<'_>) -> Result<(), RecordError> {
+        self.scene.candidates(message);
+        self.write(message.stamp_secs, message)
+    }
+
+    /// Records a look of the cameras at its time of exposure.
+    ///
+    /// # Errors
+    /// [`RecordError`] when an image cannot be encoded or the file cannot be written.
+    pub fn observation(&mut self, observation: &Observation, detail: Detail) -> Result<(), RecordError> {
+        let log_time_ns = nanos(observation.stamp_secs);
+        for view in &observation.views {
+            if !self.cameras.contains_key(&view.camera) {
+                self.cameras.insert(view.camera.clone(), views::CameraChannels::new(&self.context, &view.camera));
+            }
+            let (colour, depth) = (views::jpeg(view, detail)?, views::depth_png(view, detail)?);
+            if let Some(camera) = self.cameras.get(&view.camera) {
+                camera.calibration(log_time_ns, &view.intrinsics);
+                camera.images(log_time_ns, &colour, &depth);
+            }
+            if let Some(tap) = &self.tap {
+                let image = |kind, bytes| Recorded::Image { camera: &view.camera, kind, log_time_ns, bytes };
+                tap(&image(views::ImageKind::Colour, &colour));
+                tap(&image(views::ImageKind::Depth, &depth));
+            }
         }
-        let topic = format!("/images/{name}");
-        if !self.channels.contains_key(&topic) {
-            self.declare(&topic, IMAGE_SCHEMA.0, IMAGE_SCHEMA.1)?;
+        if detail == Detail::Full {
+            self.cloud.log_with_time(&cloud::points(log_time_ns, self.frames.base(), observation), log_time_ns);
         }
-        let nanos = (stamp_secs.max(0.0) * 1e9).round() as u64;
-        let message = CompressedImage {
-            timestamp: Stamp { sec: nanos / 1_000_000_000, nsec: nanos % 1_000_000_000 },
-            frame_id: name,
-            data: base64::engine::general_purpose::STANDARD.encode(png),
-            format: "png",
-        };
-        self.write(&topic, stamp_secs, &message)
+        self.written(observation.stamp_secs)
     }
 
     /// Records the verdict and closes the file.
     ///
     /// # Errors
     /// [`RecordError`] when the file cannot be written.
-    pub fn finish(mut self, stamp_secs: f64, verdict: &serde_json::Value) -> Result<(), RecordError> {
-        self.write("/verdict", stamp_secs, verdict)?;
-        let path = self.path.clone();
-        self.writer.finish().map_err(|source| RecordError::Mcap { path, source })?;
-        Ok(())
+    pub fn finish(mut self, stamp_secs: f64, verdict: &Verdict<'_>) -> Result<(), RecordError> {
+        use foxglove::messages::log::Level;
+        let is_good = verdict.outcome == sfg_types::Outcome::Success;
+        let text = format!("verdict: {:?}", verdict.outcome);
+        self.say(stamp_secs, if is_good { Level::Info } else { Level::Error }, "verdict", text);
+        self.write(stamp_secs, verdict)?;
+        self.file.finish()
     }
 }
 
-#[cfg(test)]
-mod tests {
-    #![expect(clippy::unwrap_used, reason = "tests fail by panicking")]
-    use super::*;
+/// The schema of a message as it is written: what is always there is required.
+pub(crate) fn schema_of<M: schemars::JsonSchema>() -> schemars::Schema {
+    schemars::generate::SchemaSettings::default().for_serialize().into_generator().into_root_schema_for::<M>()
+}
 
-    fn messages(path: &Path) -> Vec<(String, u64)> {
-        let bytes = std::fs::read(path).unwrap();
-        let mut found = Vec::new();
-        let Ok(stream) = mcap::read::MessageStream::new_with_options(&bytes, mcap::read::Options::IgnoreEndMagic.into()) else {
-            return found;
-        };
-        for message in stream {
-            let Ok(message) = message else { break };
-            found.push((message.channel.topic.clone(), message.log_time));
-        }
-        found
-    }
+/// A channel with one of Foxglove's schemas.
+pub(crate) fn typed<T: Encode>(context: &Arc<Context>, topic: &str) -> Channel<T> {
+    ChannelBuilder::new(topic).context(context).build()
+}
 
-    #[test]
-    fn messages_come_back_and_an_unfinished_file_keeps_all_but_the_last_second() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("run.mcap");
-        let mut recording = Recording::create(&path, &BTreeMap::from([("seed".to_owned(), "7".to_owned())])).unwrap();
-        let mut state = RobotState::default();
-        for step in 0..500 {
-            state.stamp_secs = f64::from(step) * 0.01;
-            recording.robot(&RobotSample { state: &state, q_command: &[], hand_command: HandCommand::default() }).unwrap();
-        }
-        let survived = messages(&path).len();
-        assert!((400..=500).contains(&survived), "{survived} of 500 samples are readable without closing the file");
-        recording.image(5.0, "right", &[1, 2, 3]).unwrap();
-        recording.finish(5.0, &serde_json::json!({"passed": true})).unwrap();
-        let all = messages(&path);
-        assert_eq!(all.len(), 502);
-        assert_eq!(all[500].0, "/images/right");
-        assert_eq!(all[501], ("/verdict".to_owned(), 5_000_000_000));
-    }
-
-    #[test]
-    fn an_unwritable_place_is_named() {
-        let error = Recording::create(Path::new("/nowhere/run.mcap"), &BTreeMap::new()).err().unwrap();
-        assert!(error.to_string().contains("/nowhere/run.mcap"), "{error}");
-    }
+/// The driver's clock as Foxglove writes it.
+pub(crate) fn timestamp(log_time_ns: u64) -> foxglove::messages::Timestamp {
+    let secs = u32::try_from(log_time_ns / 1_000_000_000).unwrap_or(u32::MAX);
+    foxglove::messages::Timestamp::new_checked(secs, (log_time_ns % 1_000_000_000) as u32)
+        .unwrap_or(foxglove::messages::Timestamp::MAX)
 }

@@ -34,6 +34,7 @@ mod check;
 mod condition;
 mod control;
 mod decorator;
+mod definition;
 mod edit;
 #[cfg(feature = "groot")]
 pub mod groot;
@@ -66,6 +67,7 @@ pub mod xml;
 
 pub use action::{Action, Halt, Tick};
 pub use blackboard::Stamp;
+pub use definition::{BoundPort, PortBinding};
 pub use edit::{EditError, Reloaded};
 pub use journal::{Change, JournalLevel, NamedChange, NamedRecord, Names, Record};
 pub use literal::{FromLiteral, Literal, Shape};

@@ -1,11 +1,12 @@
 //! How an object must be held for a task.
 
 use crate::GraspType;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// What is done with the object once it is held.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Task {
     /// Take and lift, nothing more.
@@ -50,7 +51,7 @@ impl fmt::Display for Task {
 }
 
 /// A thing of the scene inventory, by its number and by the word used for it.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ObjectRef {
     /// [`crate::ObjectCluster::id`].
     pub cluster_id: u32,
@@ -62,7 +63,7 @@ pub struct ObjectRef {
 ///
 /// # Source
 /// SayFuncGrasp, sections III and IV-B.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GraspFunctionality {
     /// What to hold.
     pub object: ObjectRef,
@@ -81,7 +82,7 @@ pub struct GraspFunctionality {
 }
 
 /// What a language backend answers.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FunctionalityAnswer {
     /// Do this.

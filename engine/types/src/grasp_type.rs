@@ -1,5 +1,6 @@
 //! The twelve functional grasp types.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -32,7 +33,7 @@ pub enum Opposition {
 ///
 /// The paper names its twelve only in figures; the choice is reasoned in `ARCHITECTURE.md`. Where each lies in the synergy
 /// plane is a property of a hand, so it stands in the hand profile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GraspType {
     /// Feix 1: all fingers around a wide body.

@@ -11,6 +11,7 @@ pub mod grasp_type;
 pub mod hand_profile;
 pub mod instruction;
 pub mod joint_trajectory;
+pub mod layout;
 pub mod observation;
 pub mod palm_pose;
 pub mod reason;

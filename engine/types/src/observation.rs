@@ -2,10 +2,11 @@
 
 use crate::Pose;
 use nalgebra::{Point2, Point3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Pinhole intrinsics in pixels; pixel centres lie at integer coordinates.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CameraIntrinsics {
     /// Image width in pixels.
     pub width: usize,

@@ -1,5 +1,6 @@
 //! The closed list of failure reasons a tree can decide on.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -7,7 +8,7 @@ use std::str::FromStr;
 macro_rules! reasons {
     ($($variant:ident $name:literal $doc:literal;)*) => {
         /// Why a stage failed. Scenarios name these in `retry: {on: [...]}`.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
         #[serde(rename_all = "snake_case")]
         pub enum FailureReason { $(#[doc = $doc] $variant,)* }
 

@@ -1,10 +1,11 @@
 //! What a driver accepts and returns each control period.
 
 use crate::{HandSide, SynergyCoordinates};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Command to a two-motor synergy hand.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HandCommand {
     /// First synergy, [0, 1]: `synergy` of the SoftHand2 driver.
     pub synergy: f64,
@@ -20,7 +21,7 @@ impl From<SynergyCoordinates> for HandCommand {
 }
 
 /// All that a SoftHand2 tells: it has no joint sensors.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HandFeedback {
     /// Motor positions in units of the commands: `m1 = synergy + manipulation`, `m2 = synergy - manipulation` when nothing blocks.
     pub motor_positions: [f64; 2],
@@ -42,7 +43,7 @@ pub struct RobotCommand {
 }
 
 /// One control period's measurement.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RobotState {
     /// Time on the driver's clock.
     pub stamp_secs: f64,

@@ -1,9 +1,10 @@
 //! What a run decided, why, and how it was judged.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// One stage of the data path, as it went.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StageRecord {
     /// Name of the skill node, for example `select_palm_pose`.
     pub stage: String,
@@ -20,7 +21,7 @@ pub struct StageRecord {
 }
 
 /// One predicate of the scenario, judged.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PredicateResult {
     /// Name and arguments as in the scenario, for example `grains_in`.
     pub predicate: String,
@@ -33,7 +34,7 @@ pub struct PredicateResult {
 }
 
 /// How a run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
     /// The tree succeeded and every truth predicate holds.

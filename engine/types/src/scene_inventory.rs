@@ -2,10 +2,11 @@
 
 use crate::{Point, Vector};
 use nalgebra::Point3;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Coarse shape of a cluster, from its points alone.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ShapeClass {
     /// Round cross-section, clearly taller than wide: bottles, cans, glasses.
@@ -23,7 +24,7 @@ pub enum ShapeClass {
 }
 
 /// Basic colour words, as people use them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[expect(missing_docs, reason = "each variant is its own word")]
 pub enum ColourName {
@@ -41,7 +42,7 @@ pub enum ColourName {
 }
 
 /// A word for a cluster and how well the cluster fits it, 0 to 1.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RankedName {
     /// Object category, lower case.
     pub name: String,
@@ -50,15 +51,17 @@ pub struct RankedName {
 }
 
 /// One thing on the table.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ObjectCluster {
     /// Number within this inventory, from 0 in order of the centre's x then y.
     pub id: u32,
     /// Extents of the upright bounding box: long horizontal side, short horizontal side, height; metres.
+    #[schemars(with = "[f64; 3]")]
     pub size_m: Vector,
     /// Rotation of the long horizontal side about +Z, radians in [-pi/2, pi/2).
     pub yaw_rad: f64,
     /// Centre of the bounding box.
+    #[schemars(with = "[f64; 3]")]
     pub centre_in_base: Point,
     /// Dominant colour.
     pub colour: ColourName,
@@ -72,7 +75,7 @@ pub struct ObjectCluster {
 }
 
 /// Everything on the table: the paper's Environment Information, from sensors only.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SceneInventory {
     /// The things, by id.
     pub clusters: Vec<ObjectCluster>,

@@ -1,9 +1,10 @@
 //! The two-dimensional hand synergy space.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// `c = [c1, c2]` of the paper (equation 12): `c1` in [0, 1] closes, `c2` in [-1, 1] shifts closure from the little finger to the thumb.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SynergyCoordinates {
     /// Dominant closure.
     pub c1: f64,

@@ -52,8 +52,9 @@ pub fn register(registry: &mut Registry<SkillContext>) {
                     };
                     Ok((inventory, note))
                 });
-            let inventory = tick.context.finish_stage("list_scene", outcome)?;
-            tick.set_shared("inventory", Arc::new(inventory));
+            let inventory = Arc::new(tick.context.finish_stage("list_scene", outcome)?);
+            tick.context.kept.inventory = Some(Arc::clone(&inventory));
+            tick.set_shared("inventory", inventory);
             Ok(())
         })
         .fails_with([FailureReason::NothingOnTable, FailureReason::PluginFailed].map(FailureReason::name));

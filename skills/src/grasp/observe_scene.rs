@@ -68,6 +68,7 @@ pub fn register(registry: &mut Registry<SkillContext>) {
             });
             let observation = Arc::new(tick.context.finish_stage("observe_scene", outcome)?);
             tick.context.kept.observation.get_or_insert_with(|| Arc::clone(&observation));
+            tick.context.kept.last_observation = Some(Arc::clone(&observation));
             tick.set_shared("observation", observation);
             Ok(())
         })

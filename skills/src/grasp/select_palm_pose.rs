@@ -200,10 +200,9 @@ pub fn register(registry: &mut Registry<SkillContext>) {
             Err(rejected) => {
                 let reasons: Vec<String> =
                     rejected.iter().map(|one| format!("{}: {}", one.candidate_idx + 1, one.reason)).collect();
-                Err(SkillFailure::new(
-                    FailureReason::NoCandidateReachable,
-                    format!("none of {} palm poses can be used: {}", rejected.len(), reasons.join("; ")),
-                ))
+                let explanation = format!("none of {} palm poses can be used: {}", rejected.len(), reasons.join("; "));
+                context.kept.rejected = Some(Arc::new(rejected));
+                Err(SkillFailure::new(FailureReason::NoCandidateReachable, explanation))
             }
         };
         let selection = Arc::new(context.finish_stage("select_palm_pose", outcome)?);

@@ -29,7 +29,8 @@ fn held_vessel(
     let palm_from_vessel = base_from_palm_at_grasp.inverse() * task.shape.base_from_vessel;
     let base_from_palm = context.robot.base_from_palm();
     let guess = base_from_palm * palm_from_vessel;
-    let observation = context.robot.observe()?;
+    let observation = std::sync::Arc::new(context.robot.observe()?);
+    context.kept.last_observation = Some(std::sync::Arc::clone(&observation));
     let spheres = context.robot.self_spheres();
     let table_height_m = task.shape.base_from_vessel.translation.z;
     let points = points_near(&observation, &spheres, &guess, task.shape.height_m, table_height_m);

@@ -4,6 +4,7 @@
 
 mod bad_input;
 mod language;
+mod log;
 mod recording;
 mod replay;
 mod runs;
@@ -89,6 +90,25 @@ impl Started {
                 "never said {words:?}: {}",
                 fs::read_to_string(&self.stderr).unwrap()
             );
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// Waits until this many stages have ended; the time of the last on the robot's clock.
+    #[cfg(unix)]
+    fn wait_for_stages(&mut self, n_stages: usize) -> f64 {
+        let begun = Instant::now();
+        loop {
+            let said = fs::read_to_string(&self.stdout).unwrap();
+            let stamps: Vec<f64> = said
+                .lines()
+                .filter(|line| line.contains(" ok "))
+                .filter_map(|line| line.split_whitespace().next()?.parse().ok())
+                .collect();
+            if stamps.len() >= n_stages {
+                return stamps[n_stages - 1];
+            }
+            assert!(begun.elapsed() < PATIENCE, "never ended {n_stages} stages: {said}");
             std::thread::sleep(Duration::from_millis(5));
         }
     }
