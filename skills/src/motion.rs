@@ -23,12 +23,18 @@ pub struct Follower {
     lag_secs: f64,
     /// Where the arm stood beside the trajectory when it took it up.
     beside: Vec<f64>,
+    /// Periods in which the robot had been held, and the time in the trajectory, at the last set point.
+    last: (u64, f64),
 }
 
 /// An arm farther from a motion than this does not take it up: the way there was not checked, radians.
 pub(crate) const MAX_BESIDE_RAD: f64 = 0.2;
 /// An arm that takes up a trajectory in the middle is on it after this time.
 const TAKE_UP_SECS: f64 = 1.0;
+
+/// A ramp to rest ends within this time; the nearest of so many places is where the motion goes on.
+const RAMP_SECS: f64 = 1.0;
+const GO_ON_STEPS: u32 = 100;
 
 /// The pace changes by this much a second at most, so that the arm does not jerk.
 const PACE_CHANGE_PER_SEC: f64 = 1.0;
@@ -37,7 +43,7 @@ impl Follower {
     /// Follows `trajectory` from the next period on.
     #[must_use]
     pub fn new(trajectory: JointTrajectory) -> Self {
-        Self { trajectory, start_secs: None, pace: (1.0, 1.0), lag_secs: 0.0, beside: Vec::new() }
+        Self { trajectory, start_secs: None, pace: (1.0, 1.0), lag_secs: 0.0, beside: Vec::new(), last: (0, 0.0) }
     }
 
     /// Follows `trajectory` from where it passes nearest to `q`, beginning at rest; and that distance, radians.
@@ -49,7 +55,19 @@ impl Follower {
         let distance_rad = distance(&trajectory.q[nearest]);
         let beside = q.iter().zip(&trajectory.q[nearest]).map(|(q, sample)| q - sample).collect();
         let lag_secs = -trajectory.stamps_secs[nearest];
-        (Self { trajectory, start_secs: None, pace: (1.0, 0.0), lag_secs, beside }, distance_rad)
+        (Self { trajectory, start_secs: None, pace: (1.0, 0.0), lag_secs, beside, last: (0, 0.0) }, distance_rad)
+    }
+
+    /// Goes on after the robot was held: from rest at `q`, which a ramp to rest has put a little ahead and beside.
+    fn go_on(&mut self, q: &[f64]) {
+        let t_secs = self.last.1;
+        let distance = |sample: &[f64]| sample.iter().zip(q).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+        let times = (0..=GO_ON_STEPS).map(|step| t_secs + RAMP_SECS * f64::from(step) / f64::from(GO_ON_STEPS));
+        let samples = times.map(|t_secs| (t_secs, self.trajectory.sample(t_secs).0));
+        let nearest = samples.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)));
+        let Some((t_secs, sample)) = nearest else { return };
+        self.beside = q.iter().zip(&sample).map(|(q, sample)| q - sample).collect();
+        (self.start_secs, self.lag_secs, self.pace.1) = (None, -t_secs, 0.0);
     }
 
     /// Goes on at this share of the trajectory's own speed, 0 to 1, reached gradually.
@@ -62,7 +80,10 @@ impl Follower {
     /// # Errors
     /// [`FailureReason::TrackingLost`] when the arm does not follow.
     pub fn poll(&mut self, robot: &mut Robot) -> Result<Progress, SkillFailure> {
-        let start_secs = *self.start_secs.get_or_insert(robot.now_secs());
+        if self.start_secs.is_some() && self.last.0 != robot.n_held() {
+            self.go_on(&robot.sent().q);
+        }
+        let start_secs = *self.start_secs.get_or_insert(robot.active_secs());
         let (joint, error_rad) = worst_tracking_error(robot);
         if error_rad > MAX_TRACKING_ERROR_RAD {
             return Err(SkillFailure::new(
@@ -74,11 +95,12 @@ impl Follower {
         let change = PACE_CHANGE_PER_SEC * robot.period_secs();
         *pace += (*wanted - *pace).clamp(-change, change);
         self.lag_secs += robot.period_secs() * (1.0 - *pace);
-        let t_secs = robot.now_secs() - start_secs + robot.period_secs() - self.lag_secs;
+        let t_secs = robot.active_secs() - start_secs + robot.period_secs() - self.lag_secs;
+        self.last = (robot.n_held(), t_secs);
         let (mut q, dq) = self.trajectory.sample(t_secs);
         let mut dq: Vec<f64> = dq.into_iter().map(|velocity| velocity * *pace).collect();
         if !self.beside.is_empty() {
-            let s = ((robot.now_secs() - start_secs + robot.period_secs()) / TAKE_UP_SECS).min(1.0);
+            let s = ((robot.active_secs() - start_secs + robot.period_secs()) / TAKE_UP_SECS).min(1.0);
             // Begins and ends at rest.
             let rest = 1.0 - s.powi(3) * (10.0 - 15.0 * s + 6.0 * s * s);
             let change_per_sec = -30.0 * s * s * (1.0 - s).powi(2) / TAKE_UP_SECS;

@@ -39,6 +39,7 @@ pub struct Robot {
     ramp: Option<(JointTrajectory, f64)>,
     is_stopped: bool,
     max_speed_fraction: f64,
+    n_held: u64,
 }
 
 /// Points this far outside the body still count as the robot's own: calibration and depth noise.
@@ -77,6 +78,7 @@ impl Robot {
             ramp: None,
             is_stopped: false,
             max_speed_fraction: 1.0,
+            n_held: 0,
         })
     }
 
@@ -97,6 +99,24 @@ impl Robot {
     #[must_use]
     pub fn now_secs(&self) -> f64 {
         self.state.stamp_secs
+    }
+
+    /// Time that skills had for acting: that of the driver's clock without the periods in which the robot was held.
+    #[must_use]
+    pub fn active_secs(&self) -> f64 {
+        self.state.stamp_secs - self.n_held as f64 * self.period_secs
+    }
+
+    /// Control periods in which the robot was held. A motion that finds another number than before goes on from rest.
+    #[must_use]
+    pub fn n_held(&self) -> u64 {
+        self.n_held
+    }
+
+    /// Whether the arm's set point stands.
+    #[must_use]
+    pub fn is_at_rest(&self) -> bool {
+        self.sent.dq.iter().all(|velocity| *velocity == 0.0)
     }
 
     /// Length of a control period.
@@ -224,6 +244,19 @@ impl Robot {
         }
         self.state = self.driver.state()?;
         Ok(())
+    }
+
+    /// Lets one control period pass in which no skill acts: the arm comes to rest along a ramp and then stands, the hand stays
+    /// as it is.
+    ///
+    /// # Errors
+    /// As [`Robot::advance`].
+    pub fn hold(&mut self) -> Result<(), RobotError> {
+        self.n_held += 1;
+        let target = std::mem::replace(&mut self.hand_target, self.sent.hand);
+        let advanced = self.advance();
+        self.hand_target = target;
+        advanced
     }
 
     /// Sends a set point that was sent before, within the same limits: brings a simulated robot to where an earlier run stopped.

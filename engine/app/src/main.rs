@@ -7,6 +7,7 @@ mod exit;
 mod explain;
 mod files;
 mod log;
+mod gate;
 mod pictures;
 mod plan;
 mod plugins;
@@ -22,6 +23,7 @@ mod stopped;
 mod sweep;
 mod test;
 mod tree;
+mod view;
 mod watch;
 
 use crate::assets::Assets;
@@ -103,6 +105,8 @@ enum Command {
     /// Recordings: info, recover, cut, diff, export.
     #[command(subcommand)]
     Log(log::LogCommand),
+    /// Shows a run, or two side by side, on a page in the browser.
+    View(view::ViewOptions),
     /// Says what a failure reason means and what to do.
     Explain {
         /// The reason, for example no_path.
@@ -158,6 +162,8 @@ struct RunOptions {
     /// Leaves the report and the pictures, but no run.mcap.
     #[arg(long, conflicts_with = "foxglove")]
     no_recording: bool,
+    #[command(flatten)]
+    live: view::LiveOptions,
     #[command(flatten)]
     set: SetOptions,
 }
@@ -218,6 +224,7 @@ fn execute(cli: Cli) -> Result<ExitCode> {
         Some(Command::Test { files }) => test::test(&Assets::open(assets)?, &files),
         Some(Command::Tree(command)) => tree::execute(assets, &command),
         Some(Command::Log(command)) => log::execute(&command),
+        Some(Command::View(options)) => view::view(&options, &INTERRUPTED),
         Some(Command::Replay(options)) => replay::show(&Assets::open(assets)?, &options),
         Some(Command::Say { sentence, scene, options }) => {
             let assets = Assets::open(assets)?;
@@ -308,6 +315,7 @@ fn run_checked(
     };
     say!("“{}” · {} · seed {}", instruction.as_str(), scenario.display(), options.seed);
     let watched = options.watch.then(|| watch::Watch::new(assets, scenario, scene, &options.set.set));
+    let page = view::LivePage::open(&options.live, &scenario.file_stem().unwrap_or_default().to_string_lossy())?;
     let report = run::run(&run::RunRequest {
         scenario: &checked.scenario,
         registry: &checked.registry,
@@ -323,7 +331,8 @@ fn run_checked(
         groot2: options.groot2,
         foxglove: options.foxglove,
         is_recorded: !options.no_recording,
-        tap: None,
+        tap: page.as_ref().map(view::LivePage::tap),
+        control: page.as_ref().and_then(view::LivePage::control),
         watch: &|| watched.as_ref().and_then(watch::Watch::changed),
         on_stage: &print_stage,
     })?;
@@ -332,6 +341,9 @@ fn run_checked(
         say!("go on with: sfg run --resume {}", folder.display());
     }
     say!("report: {}", folder.join("report.html").display());
+    if let Some(page) = page {
+        page.finish(&INTERRUPTED);
+    }
     Ok(exit::code(report.outcome))
 }
 

@@ -2,6 +2,7 @@
 
 use crate::assets::Assets;
 use crate::check::BadInput;
+use crate::gate::Gate;
 use crate::recorder::Recorder;
 use crate::say::{chain, say};
 use crate::scene::draw_scene;
@@ -12,13 +13,14 @@ use anyhow::{Context as _, Result};
 use sfg_driver_sim::world::{GraspAsked, JudgeHandle, Predicate, SceneSpec, Viewpoint};
 use sfg_driver_sim::{SimDriver, SimOptions};
 use sfg_kinematics::RobotModel;
+use sfg_monitor::{Control, Go};
 use sfg_planning::{CommandLimiter, LimiterSettings, PalmBox};
 use sfg_record::{Picture, Tap};
 use sfg_scenario::Scenario;
 use sfg_skills::{Kept, Robot, RobotError, SkillContext, StageLog};
 use sfg_synergy::SynergySpace;
 use sfg_tree::groot::{BtlogWriter, Server};
-use sfg_tree::{EditError, JournalLevel, NamedRecord, Names, Registry, Status, Tree};
+use sfg_tree::{Change, EditError, JournalLevel, NamedRecord, Names, Registry, Status, Tree};
 use sfg_types::{
     FailureReason, FunctionalityAnswer, HandProfile, Instruction, Outcome, PredicateResult, RobotCommand, RunFailure, RunReport,
     StageRecord,
@@ -27,7 +29,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Version of `report.json`.
 const REPORT_SCHEMA_VERSION: u32 = 1;
@@ -70,6 +72,8 @@ pub(crate) struct RunRequest<'a> {
     pub(crate) is_recorded: bool,
     /// Listens to what is recorded, while it is.
     pub(crate) tap: Option<Tap>,
+    /// What the page's user asks for between ticks.
+    pub(crate) control: Option<&'a Control>,
     /// Called now and then between ticks; a scenario that it gives takes the place of the running one.
     pub(crate) watch: &'a dyn Fn() -> Option<Scenario>,
     /// Called at the end of each stage.
@@ -241,14 +245,47 @@ impl Session<'_> {
             self.go_on(&mut tree, stopped, skills)?;
         }
         self.record(|recorder| recorder.tree(&tree))?;
+        let mut gate = self.request.control.map(|control| Gate::new(control, &tree));
         let mut ended = loop {
+            let is_held = match gate.as_mut().map_or(Go::Tick, |gate| gate.before_tick(&mut tree, &skills.robot)) {
+                Go::Tick => false,
+                Go::Hold => true,
+                Go::Halt => {
+                    state = Some(tree.save());
+                    tree.halt(skills);
+                    break Ended { status: Status::Failure, failure: None, is_interrupted: true, first_motion_secs };
+                }
+                Go::EmergencyStop => {
+                    skills.robot.stop()?;
+                    tree.halt(skills);
+                    let failure = RunFailure {
+                        reason: FailureReason::EmergencyStop.name().to_owned(),
+                        node: "page".to_owned(),
+                        explanation: "the emergency stop was pressed on the page".to_owned(),
+                    };
+                    break Ended { status: Status::Failure, failure: Some(failure), is_interrupted: true, first_motion_secs };
+                }
+            };
             let now_secs = skills.robot.now_secs();
-            let status = tree.tick(now_secs, skills);
-            self.record_stages(skills)?;
-            self.record_changes(&mut tree)?;
+            let mut status = Status::Running;
+            if is_held {
+                // Nobody watches faster than time goes.
+                std::thread::sleep(Duration::from_secs_f64(skills.robot.period_secs()));
+            } else {
+                status = tree.tick(now_secs, skills);
+                self.record_stages(skills)?;
+                let has_changes = self.record_changes(&mut tree)?;
+                if let Some(gate) = &gate {
+                    gate.after_tick(&mut tree, has_changes);
+                }
+            }
             if status == Status::Running && now_secs - watched_secs >= WATCH_EVERY_SECS {
                 watched_secs = now_secs;
-                self.reload(&mut tree)?;
+                if self.reload(&mut tree)?
+                    && let Some(gate) = &gate
+                {
+                    gate.show(&tree);
+                }
             }
             if status != Status::Running {
                 let failure = tree.failure().map(|at| RunFailure {
@@ -269,7 +306,7 @@ impl Session<'_> {
                 tree.halt(skills);
                 break Ended { status: Status::Failure, failure: None, is_interrupted: true, first_motion_secs };
             }
-            if now_secs >= timeout_secs {
+            if now_secs - gate.as_ref().map_or(0.0, Gate::held_secs) >= timeout_secs {
                 tree.halt(skills);
                 let failure = RunFailure {
                     reason: FailureReason::Timeout.name().to_owned(),
@@ -278,7 +315,7 @@ impl Session<'_> {
                 };
                 break Ended { status: Status::Failure, failure: Some(failure), is_interrupted: false, first_motion_secs };
             }
-            let advanced = skills.robot.advance();
+            let advanced = if is_held { skills.robot.hold() } else { skills.robot.advance() };
             self.sent.push(skills.robot.sent().clone());
             if let Err(error) = advanced {
                 let reason = match error {
@@ -326,9 +363,9 @@ impl Session<'_> {
         Ok(ended)
     }
 
-    /// Goes on with a changed scenario, if there is one and nothing that runs would vanish.
-    fn reload(&mut self, tree: &mut Tree<SkillContext>) -> Result<()> {
-        let Some(scenario) = (self.request.watch)() else { return Ok(()) };
+    /// Goes on with a changed scenario, if there is one and nothing that runs would vanish; whether it did.
+    fn reload(&mut self, tree: &mut Tree<SkillContext>) -> Result<bool> {
+        let Some(scenario) = (self.request.watch)() else { return Ok(false) };
         match tree.reload(self.request.registry, &scenario.tree) {
             Ok(reloaded) => {
                 self.names = Some(tree.names());
@@ -342,11 +379,12 @@ impl Session<'_> {
                 let changes = if changes.is_empty() { " no node came or went".to_owned() } else { changes };
                 say!("reloaded the tree:{changes}");
                 self.record(|recorder| recorder.tree(tree))?;
+                return Ok(true);
             }
             Err(EditError::Build(_)) => say!("not reloaded: {} no longer fits", scenario.path().display()),
             Err(error) => say!("not reloaded: {error}"),
         }
-        Ok(())
+        Ok(false)
     }
 
     /// Tells the recorder, if this run leaves a recording.
@@ -377,17 +415,20 @@ impl Session<'_> {
         self.record(|recorder| recorder.stages(&ended, skills))
     }
 
-    fn record_changes(&mut self, tree: &mut Tree<SkillContext>) -> Result<()> {
+    /// Whether a node changed its status.
+    fn record_changes(&mut self, tree: &mut Tree<SkillContext>) -> Result<bool> {
         let changes = tree.drain_journal();
+        let has_changes = changes.iter().any(|record| matches!(record.change, Change::Status { .. }));
         if let Some(server) = &self.groot2 {
             server.update(tree, &changes);
         }
         if let Some(btlog) = &mut self.btlog {
             btlog.records(&changes)?;
         }
-        let (Some(recorder), Some(names)) = (&mut self.recorder, &self.names) else { return Ok(()) };
+        let (Some(recorder), Some(names)) = (&mut self.recorder, &self.names) else { return Ok(has_changes) };
         let changes: Vec<NamedRecord> = changes.into_iter().map(|record| names.of(record)).collect();
-        recorder.changes(&changes)
+        recorder.changes(&changes)?;
+        Ok(has_changes)
     }
 
     /// A simulator picture of the closed hand.
@@ -533,3 +574,7 @@ mod sensors_in;
 #[cfg(test)]
 #[path = "reload.rs"]
 mod reload;
+
+#[cfg(test)]
+#[path = "controlled.rs"]
+mod controlled;

@@ -41,6 +41,7 @@ pub(super) fn run_watched(text: &str, simulator: Simulator<'_>, watch: &dyn Fn(&
         foxglove: None,
         is_recorded: true,
         tap: None,
+        control: None,
         watch: &|| watch(&load),
         on_stage: &|_, _| {},
     })

@@ -227,6 +227,7 @@ fn run_unit(checked: &Checked, assets: &Assets, instruction: &Instruction, seed:
         foxglove: None,
         is_recorded: true,
         tap: None,
+        control: None,
         watch: &|| None,
         on_stage: &|_, _| {},
     };

@@ -43,7 +43,7 @@ impl Recording {
                     let value = value.as_ref().map_or(Value::Null, json_of);
                     self.write(stamp_secs, &Write { stamp_secs, tick, node, key: key.clone(), value })?;
                 }
-                NamedChange::Ticked | NamedChange::HaltAsked => {}
+                NamedChange::Ticked | NamedChange::HaltAsked | NamedChange::Forced(_) | NamedChange::Postponed { .. } => {}
             }
         }
         match records.last() {
@@ -70,6 +70,9 @@ fn message(records: &[NamedRecord]) -> JournalTick {
     let change = |record: &NamedRecord| match &record.change {
         NamedChange::Status { from, to } => Some(json!(["status", record.path, from.name(), to.name()])),
         NamedChange::Failed(failure) => Some(json!(["failed", record.path, failure.reason, failure.detail])),
+        NamedChange::Forced(Ok(())) => Some(json!(["forced", record.path, "success"])),
+        NamedChange::Forced(Err(failure)) => Some(json!(["forced", record.path, "failure", failure.reason, failure.detail])),
+        NamedChange::Postponed { secs } => Some(json!(["postponed", record.path, secs])),
         NamedChange::Write { key, value } => Some(json!(["wrote", record.path, key, value.as_ref().map(json_of)])),
         NamedChange::Ticked | NamedChange::HaltAsked => None,
     };
@@ -160,6 +163,9 @@ fn read_message(message: &Value, journal: &mut Vec<NamedRecord>) -> Result<(), S
         let path = text(1)?;
         let change = match text(0)? {
             "status" => NamedChange::Status { from: status(text(2)?)?, to: status(text(3)?)? },
+            "forced" if text(2)? == "success" => NamedChange::Forced(Ok(())),
+            "forced" => NamedChange::Forced(Err(Failure::new(text(3)?.to_owned(), text(4)?))),
+            "postponed" => NamedChange::Postponed { secs: change[2].as_f64().ok_or("\"postponed\": expected a number")? },
             "failed" => NamedChange::Failed(Failure::new(text(2)?.to_owned(), text(3)?)),
             "wrote" => NamedChange::Write { key: text(2)?.to_owned(), value: literal_of(&change[3]) },
             other => return Err(format!("{other:?} is no kind of change")),

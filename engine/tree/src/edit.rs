@@ -178,6 +178,7 @@ impl<C> Tree<C> {
         for stopping in &mut run.stopping {
             stopping.node = move_id(stopping.node).unwrap_or(stopping.node);
         }
+        run.intervention = std::mem::take(&mut run.intervention).moved(move_id);
         run.history.retain_mut(|at| move_id(at.node).map(|id| at.node = id).is_some());
         run.failure = run.failure.take().and_then(|at| Some(crate::FailureAt { node: move_id(at.node)?, ..at }));
         run.board = std::mem::take(&mut new.run.board);

@@ -53,6 +53,13 @@ pub enum Change {
     Ticked,
     /// The owner halts the tree. The node is the root.
     HaltAsked,
+    /// The owner gives the node a result: see [`crate::Tree::force`].
+    Forced(Result<(), Box<Failure>>),
+    /// The owner let time stand still: see [`crate::Tree::postpone`]. The node is the root.
+    Postponed {
+        /// How long, seconds.
+        secs: f64,
+    },
 }
 
 /// A [`Record`] with names in place of numbers, for files. Numbers change when a tree is built anew.
@@ -91,6 +98,13 @@ pub enum NamedChange {
     Ticked,
     /// The owner halts the tree.
     HaltAsked,
+    /// The owner gives the node a result.
+    Forced(Result<(), Failure>),
+    /// The owner let time stand still.
+    Postponed {
+        /// How long, seconds.
+        secs: f64,
+    },
 }
 
 /// Names of the nodes and entries of a tree; made by [`crate::Tree::names`], valid until it is reloaded.
@@ -119,6 +133,8 @@ impl Names {
             }
             Change::Ticked => NamedChange::Ticked,
             Change::HaltAsked => NamedChange::HaltAsked,
+            Change::Forced(result) => NamedChange::Forced(result.map_err(|failure| *failure)),
+            Change::Postponed { secs } => NamedChange::Postponed { secs },
         };
         let path = self.path(record.node).to_owned();
         NamedRecord { tick_idx: record.tick_idx, now_secs: record.now_secs, path, change }

@@ -5,6 +5,7 @@
 //! | the running child of a reactive node above it occupies a part of its footprint | that child is halted first |
 //! | an action that was halted still stops (its halt said [`Halt::Pending`]) and shares a part | it waits: its node runs, `start` comes later |
 //! | the same, and the time to stop is over | it fails with reason `halt_overdue` |
+//! | a break was met in this tick ([`Tree::set_breaks`]) | it waits for the next |
 //! | an action in another branch of a `parallel` shares a declared part | it waits |
 //!
 //! Steps and conditions are done in one call and never wait.
@@ -106,6 +107,9 @@ impl<C> Tree<C> {
 
     /// Halts what must not overlap with the leaf; whether it can start now.
     fn make_way(&mut self, id: NodeId, context: &mut C) -> Result<bool, Failure> {
+        if self.run.intervention.is_breaking {
+            return Ok(false);
+        }
         let parts = self.leaves[self.nodes[id as usize].leaf as usize].parts;
         if !self.run.preempted.is_empty() {
             let preempted = std::mem::take(&mut self.run.preempted);

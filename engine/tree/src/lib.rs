@@ -38,6 +38,7 @@ mod definition;
 mod edit;
 #[cfg(feature = "groot")]
 pub mod groot;
+mod intervene;
 mod journal;
 mod leaf;
 mod literal;
@@ -69,6 +70,7 @@ pub use action::{Action, Halt, Tick};
 pub use blackboard::Stamp;
 pub use definition::{BoundPort, PortBinding};
 pub use edit::{EditError, Reloaded};
+pub use intervene::{Break, BreakAt};
 pub use journal::{Change, JournalLevel, NamedChange, NamedRecord, Names, Record};
 pub use literal::{FromLiteral, Literal, Shape};
 pub use mistakes::BuildErrors;

@@ -61,6 +61,8 @@ struct Step<'a> {
     now_secs: f64,
     is_halt: bool,
     changes: Vec<(&'a str, Status, Status)>,
+    /// What its owner did to the tree before it.
+    interventions: Vec<&'a NamedRecord>,
     /// What the application wrote before it.
     entries: Vec<(&'a str, &'a Literal)>,
 }
@@ -87,6 +89,13 @@ pub fn replay<C>(registry: &Registry<C>, spec: &TreeSpec, records: &[NamedRecord
         for (key, value) in &step.entries {
             if let Some(&slot) = playback.slots.get(*key) {
                 put(&mut tree, slot, value);
+            }
+        }
+        for record in &step.interventions {
+            match (&record.change, playback.paths.iter().position(|path| *path == record.path)) {
+                (NamedChange::Forced(result), Some(node)) => tree.force(node as NodeId, result.clone()),
+                (NamedChange::Postponed { secs }, _) => tree.postpone(*secs),
+                _ => {}
             }
         }
         if step.is_halt {
@@ -136,7 +145,7 @@ fn put(tree: &mut Tree<Playback>, slot: u32, literal: &Literal) {
 
 fn steps_of(records: &[NamedRecord]) -> Vec<Step<'_>> {
     let mut steps: Vec<Step<'_>> = Vec::new();
-    let mut entries = Vec::new();
+    let (mut entries, mut interventions) = (Vec::new(), Vec::new());
     for record in records {
         match &record.change {
             NamedChange::Ticked | NamedChange::HaltAsked => steps.push(Step {
@@ -144,6 +153,7 @@ fn steps_of(records: &[NamedRecord]) -> Vec<Step<'_>> {
                 now_secs: record.now_secs,
                 is_halt: record.change == NamedChange::HaltAsked,
                 changes: Vec::new(),
+                interventions: std::mem::take(&mut interventions),
                 entries: std::mem::take(&mut entries),
             }),
             NamedChange::Status { from, to } => {
@@ -152,6 +162,7 @@ fn steps_of(records: &[NamedRecord]) -> Vec<Step<'_>> {
                 }
             }
             NamedChange::Write { key, value: Some(value) } if record.path.is_empty() => entries.push((key, value)),
+            NamedChange::Forced(_) | NamedChange::Postponed { .. } => interventions.push(record),
             NamedChange::Write { .. } | NamedChange::Failed(_) => {}
         }
     }
@@ -168,6 +179,7 @@ fn calls_of(records: &[NamedRecord]) -> HashMap<String, VecDeque<(usize, Did)>> 
                 n_steps += 1;
                 continue;
             }
+            NamedChange::Forced(_) | NamedChange::Postponed { .. } => continue,
             NamedChange::Failed(failure) => {
                 failures.insert(&record.path, failure.clone());
                 continue;
@@ -212,7 +224,13 @@ fn play(tick: &mut Tick<'_, Playback>, is_start: bool) -> Outcome {
     loop {
         let playback = &mut *tick.context;
         let step_idx = playback.step_idx;
-        let calls = playback.calls.get_mut(&playback.paths[node as usize]);
+        let mut calls = playback.calls.get_mut(&playback.paths[node as usize]);
+        // What was forced upon the leaf it did not give itself.
+        if let Some(calls) = &mut calls {
+            while calls.front().is_some_and(|(at, _)| *at < step_idx) {
+                calls.pop_front();
+            }
+        }
         let next = calls.filter(|calls| calls.front().is_some_and(|(at, _)| *at == step_idx)).and_then(VecDeque::pop_front);
         match next {
             Some((_, Did::Wrote { key, value })) => {

@@ -2,6 +2,7 @@
 
 use crate::blackboard::{self, Blackboard, Form, Source, Stamp};
 use crate::condition::{Conditions, Script};
+use crate::intervene::Intervention;
 use crate::journal::{Change, Journal, JournalLevel, Names, Record};
 use crate::leaf::{Leaf, Stopping};
 use crate::literal::Literal;
@@ -169,6 +170,7 @@ pub(crate) struct Runtime {
     /// A node has work for another tick at once.
     pub(crate) wants_tick: bool,
     pub(crate) waker: Waker,
+    pub(crate) intervention: Intervention,
     pub(crate) forms: Arc<HashMap<TypeId, Form>>,
 }
 
@@ -247,6 +249,7 @@ impl<C> Tree<C> {
         self.run.tick_idx += 1;
         self.run.now_secs = now_secs;
         self.run.wants_tick = false;
+        self.run.intervention.is_breaking = false;
         self.note_step(Change::Ticked);
         if !self.run.stopping.is_empty() {
             self.poll_stopping(context);
@@ -265,6 +268,7 @@ impl<C> Tree<C> {
     /// [`Tree::poll_halt`] tells when all have.
     pub fn halt(&mut self, context: &mut C) {
         self.note_step(Change::HaltAsked);
+        self.run.intervention.forced.clear();
         self.halt_node(0, context);
     }
 
@@ -454,6 +458,14 @@ impl<C> Tree<C> {
 
     #[inline]
     pub(crate) fn tick_node(&mut self, id: NodeId, context: &mut C) -> Status {
+        if self.run.intervention.is_watching() {
+            return self.tick_watched(id, context);
+        }
+        self.tick_unwatched(id, context)
+    }
+
+    #[inline]
+    pub(crate) fn tick_unwatched(&mut self, id: NodeId, context: &mut C) -> Status {
         if self.nodes[id as usize].conditions != NONE {
             return self.tick_conditioned(id, context);
         }

@@ -330,7 +330,7 @@ fn the_journal_tells_what_happened() {
                 Change::Status { from, to } => format!("{from} -> {to}"),
                 Change::Failed(failure) => failure.to_string(),
                 Change::Write { slot, .. } => format!("writes {}", tree.slot_key(slot).unwrap()),
-                Change::Ticked | Change::HaltAsked => "a step".to_owned(),
+                Change::Ticked | Change::HaltAsked | Change::Forced(_) | Change::Postponed { .. } => "a step".to_owned(),
             };
             format!("{}: {what}", tree.path(record.node))
         })

@@ -49,12 +49,12 @@ impl Action<SkillContext> for CloseHand {
                 return Ok(Progress::Running);
             }
             self.is_preshaped = true;
-            self.start_secs = context.robot.now_secs();
+            self.start_secs = context.robot.active_secs();
             let started = context.plugins.grasp_policy.start(&plan, context.synergy.profile());
             started.map_err(|error| context.fail_stage("close_hand", SkillFailure::plugin(&error)))?;
         }
         let context = &mut *tick.context;
-        let elapsed_secs = context.robot.now_secs() - self.start_secs;
+        let elapsed_secs = context.robot.active_secs() - self.start_secs;
         if elapsed_secs > MAX_CLOSING_SECS {
             let failure = SkillFailure::new(FailureReason::Timeout, format!("the hand was not closed after {elapsed_secs:.1} s"));
             return Err(context.fail_stage("close_hand", failure));

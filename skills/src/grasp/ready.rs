@@ -61,7 +61,7 @@ impl Ready {
 impl Action<SkillContext> for Ready {
     fn start(&mut self, tick: &mut Tick<'_, SkillContext>) -> Outcome {
         *self = Self::default();
-        self.opening_secs = tick.context.robot.now_secs();
+        self.opening_secs = tick.context.robot.active_secs();
         let robot = &tick.context.robot;
         let home_q = &robot.model().arm(robot.side()).home_q;
         let is_home = robot.sent().q.iter().zip(home_q).all(|(q, home)| (q - home).abs() < READY_TOLERANCE_RAD);
@@ -76,10 +76,10 @@ impl Action<SkillContext> for Ready {
         let context = &mut *tick.context;
         if self.opened_secs.is_none() {
             context.robot.set_hand(HandCommand::default());
-            if context.robot.now_secs() - self.opening_secs < OPEN_SECS {
+            if context.robot.active_secs() - self.opening_secs < OPEN_SECS {
                 return Ok(Progress::Running);
             }
-            self.opened_secs = Some(context.robot.now_secs());
+            self.opened_secs = Some(context.robot.active_secs());
             let nothing = SceneInventory::default();
             let motions = Self::way_home(context, inventory.as_deref().unwrap_or(&nothing));
             let mut motions = motions.map_err(|failure| context.fail_stage("ready", failure))?;

@@ -124,7 +124,7 @@ impl Default for Pour {
 impl Pour {
     /// Looks at the target; the gain since before the pour, when enough of it is visible.
     fn look(&mut self, context: &mut SkillContext) -> Result<Option<f64>, SkillFailure> {
-        let now_secs = context.robot.now_secs();
+        let now_secs = context.robot.active_secs();
         self.looked_secs = now_secs;
         let observation = context.robot.observe()?;
         let Some(target) = &self.target else { return Ok(None) };
@@ -160,7 +160,7 @@ impl Pour {
     }
 
     fn step(&mut self, context: &mut SkillContext) -> Result<Option<(Progress, StageNote)>, SkillFailure> {
-        let now_secs = context.robot.now_secs();
+        let now_secs = context.robot.active_secs();
         let is_pouring = matches!(self.phase, Phase::Tilt | Phase::Drain);
         let mut is_full = false;
         if is_pouring && now_secs - self.looked_secs >= LOOK_EVERY_SECS {
@@ -272,7 +272,7 @@ impl Action<SkillContext> for Pour {
         self.target = Some(target);
         // Before the carry and after the way back the vessel does not hide the target.
         self.look(context).map_err(|failure| context.fail_stage("pour", failure))?;
-        let now_secs = context.robot.now_secs();
+        let now_secs = context.robot.active_secs();
         self.enter(Phase::Carry, Some(motions.carry.clone()), now_secs);
         self.motions = Some(motions);
         self.poll(tick)

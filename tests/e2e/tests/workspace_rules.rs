@@ -24,6 +24,7 @@ const ALLOWED_USES: &[(&str, &str)] = &[
     ("plugin-host", "types plugin plugin-abi"),
     ("scenario", "types tree"),
     ("record", "types tree render"),
+    ("monitor", ""),
     ("skills", "types geometry kinematics planning tree plugin synergy"),
     ("llm-knowledge", "types plugin"),
     ("grounder-geometric", "types plugin geometry"),

@@ -140,7 +140,8 @@ pub struct JournalTick {
     /// Written by the application before the first tick.
     #[serde(skip_serializing_if = "is_false")]
     pub before: bool,
-    /// `["status", path, from, to]`, `["failed", path, reason, detail]` or `["wrote", path, key, value]`; the path of the
+    /// `["status", path, from, to]`, `["failed", path, reason, detail]`, `["wrote", path, key, value]`, `["forced", path, status]` with reason and
+    /// detail of a failure, or `["postponed", path, secs]`; the path of the
     /// application is empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub changes: Vec<Value>,

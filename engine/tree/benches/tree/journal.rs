@@ -100,7 +100,7 @@ fn write_record(file: &mut impl Write, record: &Record) -> io::Result<usize> {
             file.write_all(&head)?;
             Ok(head.len() + write_sized(file, failure.reason.as_bytes())? + write_sized(file, failure.detail.as_bytes())?)
         }
-        Change::Ticked | Change::HaltAsked => {
+        Change::Ticked | Change::HaltAsked | Change::Forced(_) | Change::Postponed { .. } => {
             head[20] = if record.change == Change::Ticked { 0x40 } else { 0x50 };
             file.write_all(&head)?;
             Ok(head.len())
