@@ -135,8 +135,3 @@ pub(crate) fn labelled(width: usize, height: usize, rgb: &[u8], text: &str) -> R
     picture.label(8, 8, 2, INK, GROUND, text);
     Ok(picture.png()?)
 }
-
-/// One camera image as PNG.
-pub(crate) fn camera_png(image: &RgbdImage) -> Result<Vec<u8>> {
-    Ok(view_of(image).png()?)
-}

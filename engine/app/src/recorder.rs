@@ -12,7 +12,7 @@ use sfg_record::messages::{
     Candidates, Contact, Functionality, Inventory, KeyPoint, MaskView, Masks, MotorSample, RobotSample, SynergySample,
     TreeDefinition, TruthSample, Verdict,
 };
-use sfg_record::{Detail, Recording};
+use sfg_record::{Detail, Recording, TreeOutcome};
 use sfg_skills::SkillContext;
 use sfg_tree::{NamedRecord, Tree};
 use sfg_types::layout::PoseLayout;
@@ -32,6 +32,10 @@ const LOOK_EVERY_SECS: f64 = 0.5;
 /// The recording of one run and what it holds already.
 pub(crate) struct Recorder {
     recording: Recording,
+    /// How each node went, for the page.
+    outcome: TreeOutcome,
+    /// What the recording says about the run as a whole.
+    metadata: BTreeMap<String, String>,
     hand_q: Vec<usize>,
     robot_secs: f64,
     frames_secs: f64,
@@ -75,7 +79,8 @@ fn is_due(last_secs: &mut f64, now_secs: f64, every_secs: f64) -> bool {
 impl Recorder {
     /// Opens the recording in `folder`, and the live socket if the user asked for it.
     pub(crate) fn open(folder: &Path, request: &RunRequest<'_>, scene: &SceneSpec, profile: &HandProfile) -> Result<Self> {
-        let mut recording = Recording::create(&folder.join("run.mcap"), &metadata(request)?)?.with_tap(request.tap.clone());
+        let metadata = metadata(request)?;
+        let mut recording = Recording::create(&folder.join("run.mcap"), &metadata)?.with_tap(request.tap.clone());
         if let Some(port) = request.foxglove {
             let port = recording.serve(port)?;
             say!("Foxglove can look on at ws://127.0.0.1:{port}");
@@ -89,6 +94,8 @@ impl Recorder {
         let never = f64::NEG_INFINITY;
         Ok(Self {
             recording,
+            outcome: TreeOutcome::default(),
+            metadata,
             hand_q: header::hand_q(request.model, request.scenario.arm, profile),
             robot_secs: never,
             frames_secs: never,
@@ -107,11 +114,18 @@ impl Recorder {
 
     /// The tree as it is built, at the start and after a reload.
     pub(crate) fn tree(&mut self, tree: &Tree<SkillContext>) -> Result<()> {
+        self.outcome.extend(tree.definition().map(|node| (tree.path(node.id), node)));
         Ok(self.recording.definition(tree.now_secs(), &TreeDefinition::of(tree))?)
+    }
+
+    /// How each node went so far, and settings and hashes by name.
+    pub(crate) fn outcome(&self) -> (TreeOutcome, Vec<(String, String)>) {
+        (self.outcome.clone(), self.metadata.clone().into_iter().collect())
     }
 
     /// What happened in the tree.
     pub(crate) fn changes(&mut self, records: &[NamedRecord]) -> Result<()> {
+        self.outcome.add(records);
         Ok(self.recording.changes(records)?)
     }
 

@@ -15,7 +15,7 @@ use sfg_driver_sim::{SimDriver, SimOptions};
 use sfg_kinematics::RobotModel;
 use sfg_monitor::{Control, Go};
 use sfg_planning::{CommandLimiter, LimiterSettings, PalmBox};
-use sfg_record::{Picture, Tap};
+use sfg_record::{PageParts, Tap};
 use sfg_scenario::Scenario;
 use sfg_skills::{Kept, Robot, RobotError, SkillContext, StageLog};
 use sfg_synergy::SynergySpace;
@@ -545,23 +545,16 @@ impl Session<'_> {
 
     fn write(&mut self, report: &RunReport, skills: &SkillContext) -> Result<()> {
         let Some(folder) = self.request.folder.clone() else { return Ok(()) };
-        let mut shown = Vec::new();
         let last = self.judge.picture(&Viewpoint::default());
         let result = pictures::labelled(last.width, last.height, &last.rgb, "at the end (simulator picture)")?;
-        shown.push(Picture::new("result", "The scene when the judge looked (simulator picture).", result));
-        if let Some(png) = pictures::grounding(&skills.kept)? {
-            shown.push(Picture::new("grounding", "Both camera views with the part to hold and the task key point.", png));
-        }
-        if let Some(png) = pictures::palm_poses(&skills.kept)? {
-            shown.push(Picture::new("palm_poses", "Candidate palm poses; the chosen one in green.", png));
-        }
-        if let Some(png) = self.at_grasp.take() {
-            shown.push(Picture::new("grasp", "The hand when it had closed (simulator picture).", png));
-        }
+        let shown = pictures::of_run(&skills.kept, result, self.at_grasp.take())?;
+        let (outcome, settings) = self.recorder.as_ref().map(Recorder::outcome).unzip();
         if let Some(recorder) = self.recorder.take() {
             recorder.finish(report)?;
         }
-        sfg_record::write_page(&folder, report, &shown)?;
+        let settings = settings.unwrap_or_default();
+        let parts = PageParts { report, pictures: &shown, tree: outcome.as_ref(), settings: &settings };
+        sfg_record::write_page(&folder, &parts)?;
         sfg_record::write_report(&folder, report)?;
         Ok(())
     }

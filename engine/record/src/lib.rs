@@ -22,7 +22,7 @@ pub mod views;
 pub use edit::{Cut, Recovered, cut, recover};
 pub use journal::{RecordedRun, json_of, literal_of, read_run};
 pub use log_file::{ChannelInfo, LogFile, LoggedMessage, recording_path};
-pub use page::Picture;
+pub use page::{PageParts, Picture, TreeOutcome};
 pub use recording::{Detail, Recording};
 pub use report::{write_page, write_report};
 pub use tap::{Recorded, Tap};
