@@ -35,7 +35,9 @@ impl User {
     }
 
     fn wait_paused(&self) {
-        self.wait("paused", |user| user.control.is_paused() && user.control.turn().go == Go::Hold);
+        // A run that has not begun stands, too, and knows no node yet.
+        let is_held = |user: &Self| user.control.is_paused() && user.control.turn().go == Go::Hold;
+        self.wait("paused", |user| !user.all("/robot").is_empty() && is_held(user));
     }
 
     fn all(&self, topic: &str) -> Vec<Value> {
@@ -99,7 +101,12 @@ fn run_with(control: Control, act: impl FnOnce(&User)) -> (RunReport, Option<sfg
             let replayed = sfg_tree::replay(&checked.registry, &checked.scenario.tree, &recorded.journal).unwrap();
             (report, replayed.divergence)
         });
-        act(&user);
+        let acted = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| act(&user)));
+        if let Err(panic) = acted {
+            // Otherwise the run would wait for the user for ever.
+            drop(user.control.order(&Command::Stop));
+            std::panic::resume_unwind(panic);
+        }
         running.join().unwrap()
     })
 }

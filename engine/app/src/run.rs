@@ -571,3 +571,7 @@ mod reload;
 #[cfg(test)]
 #[path = "controlled.rs"]
 mod controlled;
+
+#[cfg(test)]
+#[path = "resume.rs"]
+mod resume;

@@ -77,18 +77,20 @@ export class Decision {
       return;
     }
     const { candidates, chosen } = message;
-    const rejected = candidates.filter((/** @type {any} */ candidate) => candidate.rejected);
+    const rejected = candidates.filter((/** @type {any} */ candidate) => candidate.rejected && candidate.rejected.why !== "ranked_lower");
     const state = chosen === null || chosen === undefined ? (rejected.length ? ", none can be used" : ", not checked yet") : `, ${rejected.length} rejected, no. ${rank(candidates, chosen)} chosen`;
     const rows = candidates.map((/** @type {any} */ candidate, /** @type {number} */ i) => {
       const isChosen = candidate.idx === chosen;
       const why = candidate.rejected;
-      const verdict = isChosen ? h("span", { class: "good" }, "✓ chosen") : why ? h("span", { class: "bad" }, `✗ ${words(why.why)}`) : h("span", { class: "soft" }, "·");
+      // A better one was taken first: this one could have been used.
+      const isUsable = !why || why.why === "ranked_lower";
+      const verdict = isChosen ? h("span", { class: "good" }, "✓ chosen") : isUsable ? h("span", { class: "soft" }, why ? `○ ${words(why.why)}` : "·") : h("span", { class: "bad" }, `✗ ${words(why.why)}`);
       const row = h(
         "tr",
         { "data-candidate": candidate.idx, "data-rejected": why?.why, "data-chosen": isChosen, tabindex: "0", title: [why?.text, ...(candidate.terms ?? []).map((/** @type {any} */ term) => `${words(term.name)} ${short(term.value)}`)].filter(Boolean).join("\n") },
         h("td", { class: "rank" }, String(i + 1)), h("td", {}, bar(candidate.stability), ` ${candidate.stability.toFixed(2)}`),
         h("td", { class: "terms" }, terms(candidate.terms ?? [])),
-        h("td", {}, verdict, why ? h("span", { class: "why" }, why.text) : null),
+        h("td", {}, verdict, isUsable ? null : h("span", { class: "why" }, why.text)),
       );
       const choose = () => {
         this.selected = this.selected === candidate.idx ? null : candidate.idx;

@@ -5,6 +5,7 @@
 //! marks as sent from another site is refused.
 
 use axum::http::{HeaderMap, Method, StatusCode, Uri, header};
+use std::borrow::Cow;
 use std::net::{IpAddr, SocketAddr};
 
 /// The rules of one server.
@@ -15,23 +16,23 @@ pub(crate) struct Guard {
 }
 
 /// Why a request is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Denied(pub(crate) StatusCode, pub(crate) &'static str);
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Refusal(pub(crate) StatusCode, pub(crate) Cow<'static, str>);
 
-const WRONG_HOST: Denied = Denied(
+const WRONG_HOST: Refusal = Refusal(
     StatusCode::MISDIRECTED_REQUEST,
-    "This server answers to the address it was started for alone; open the address that sfg printed.",
+    Cow::Borrowed("This server answers to the address it was started for alone; open the address that sfg printed."),
 );
-const WRONG_ORIGIN: Denied = Denied(StatusCode::FORBIDDEN, "Requests from pages of other sites are refused.");
-const NO_TOKEN: Denied = Denied(
+const WRONG_ORIGIN: Refusal = Refusal(StatusCode::FORBIDDEN, Cow::Borrowed("Requests from pages of other sites are refused."));
+const NO_TOKEN: Refusal = Refusal(
     StatusCode::UNAUTHORIZED,
-    "The token is missing or wrong; open the address with ?token=... that sfg was started with.",
+    Cow::Borrowed("The token is missing or wrong; open the address with ?token=... that sfg was started with."),
 );
 
 impl Guard {
     /// Checks a request to the programming interface, the WebSocket included; `is_page` for the files of the page, which hold
     /// nothing of the run.
-    pub(crate) fn check(&self, method: &Method, uri: &Uri, headers: &HeaderMap, is_page: bool) -> Result<(), Denied> {
+    pub(crate) fn check(&self, method: &Method, uri: &Uri, headers: &HeaderMap, is_page: bool) -> Result<(), Refusal> {
         let host = text(headers, &header::HOST).ok_or(WRONG_HOST)?;
         if !self.is_own(host) {
             return Err(WRONG_HOST);

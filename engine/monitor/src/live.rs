@@ -79,9 +79,8 @@ pub(crate) async fn serve(
             return;
         }
         // Nothing is expected of the viewer but its going.
-        match tokio::time::timeout(EVERY, socket.recv()).await {
-            Ok(None | Some(Err(_) | Ok(Message::Close(_)))) => return,
-            Ok(Some(Ok(_))) | Err(_) => {}
+        if let Ok(None | Some(Err(_) | Ok(Message::Close(_)))) = tokio::time::timeout(EVERY, socket.recv()).await {
+            return;
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The server of the page: its own thread, one request at a time, nothing of the run waits for it.
 
 use crate::control::{Command, Control};
-use crate::guard::Guard;
+use crate::guard::{Guard, Refusal};
 use crate::live::{self, Viewer};
 use crate::store::{ImageKind, Store};
 use crate::{MonitorError, page};
@@ -11,8 +11,9 @@ use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{Path, Query, Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::middleware::{self, Next};
-use axum::response::{IntoResponse as _, Response};
+use axum::response::{IntoResponse, Response};
 use axum::routing::{any, get, post};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -174,7 +175,7 @@ async fn check(State(shared): App, request: Request, next: Next) -> Response {
     let allowed = shared.guard.check(request.method(), request.uri(), request.headers(), is_page);
     let mut response = match allowed {
         Ok(()) => next.run(request).await,
-        Err(denied) => refusal(denied.0, denied.1),
+        Err(refusal) => refusal.into_response(),
     };
     let headers = response.headers_mut();
     for (name, value) in [
@@ -189,22 +190,28 @@ async fn check(State(shared): App, request: Request, next: Next) -> Response {
     response
 }
 
-fn refusal(status: StatusCode, message: &str) -> Response {
-    let body = serde_json::json!({"error": message}).to_string();
-    (status, [(header::CONTENT_TYPE, "application/json")], body).into_response()
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        let body = serde_json::json!({"error": self.1}).to_string();
+        (self.0, [(header::CONTENT_TYPE, "application/json")], body).into_response()
+    }
+}
+
+fn refusal(status: StatusCode, message: impl Into<Cow<'static, str>>) -> Refusal {
+    Refusal(status, message.into())
 }
 
 fn json(value: &serde_json::Value) -> Response {
     ([(header::CONTENT_TYPE, "application/json")], value.to_string()).into_response()
 }
 
-async fn file(request: Request) -> Response {
+async fn file(request: Request) -> Result<Response, Refusal> {
     if request.method() != axum::http::Method::GET && request.method() != axum::http::Method::HEAD {
-        return refusal(StatusCode::METHOD_NOT_ALLOWED, "There is nothing to change here.");
+        return Err(refusal(StatusCode::METHOD_NOT_ALLOWED, "There is nothing to change here."));
     }
     match page::asset(request.uri().path()) {
-        Some(asset) => ([(header::CONTENT_TYPE, asset.media_type)], asset.text).into_response(),
-        None => refusal(StatusCode::NOT_FOUND, "The page has no such file."),
+        Some(asset) => Ok(([(header::CONTENT_TYPE, asset.media_type)], asset.text).into_response()),
+        None => Err(refusal(StatusCode::NOT_FOUND, "The page has no such file.")),
     }
 }
 
@@ -223,12 +230,12 @@ async fn runs(State(shared): App) -> Response {
     json(&serde_json::Value::Array(list.collect()))
 }
 
-fn run(shared: &Shared, number: &str) -> Result<Arc<Store>, Response> {
+fn run(shared: &Shared, number: &str) -> Result<Arc<Store>, Refusal> {
     let store = number.parse::<usize>().ok().and_then(|run| shared.runs.get(run));
-    store.cloned().ok_or_else(|| refusal(StatusCode::NOT_FOUND, &format!("There is no run {number}; /api/runs lists them.")))
+    store.cloned().ok_or_else(|| refusal(StatusCode::NOT_FOUND, format!("There is no run {number}; /api/runs lists them.")))
 }
 
-async fn messages(State(shared): App, Path(number): Path<String>) -> Result<Response, Response> {
+async fn messages(State(shared): App, Path(number): Path<String>) -> Result<Response, Refusal> {
     let store = run(&shared, &number)?;
     let batch = store.since(0, usize::MAX);
     let next = HeaderValue::from(batch.next as u64);
@@ -241,7 +248,7 @@ async fn image(
     State(shared): App,
     Path(number): Path<String>,
     Query(query): Query<BTreeMap<String, String>>,
-) -> Result<Response, Response> {
+) -> Result<Response, Refusal> {
     let store = run(&shared, &number)?;
     let value = |name: &str| query.get(name).map_or("", String::as_str);
     let asked = (ImageKind::named(value("kind")), value("t").parse::<f64>());
@@ -259,9 +266,9 @@ async fn live(
     Path(number): Path<String>,
     Query(query): Query<BTreeMap<String, String>>,
     upgrade: Result<WebSocketUpgrade, axum::extract::ws::rejection::WebSocketUpgradeRejection>,
-) -> Result<Response, Response> {
+) -> Result<Response, Refusal> {
     let store = run(&shared, &number)?;
-    let upgrade = upgrade.map_err(|error| refusal(StatusCode::BAD_REQUEST, &error.to_string()))?;
+    let upgrade = upgrade.map_err(|error| refusal(StatusCode::BAD_REQUEST, error.to_string()))?;
     if shared.n_viewers.load(Ordering::Relaxed) >= MAX_VIEWERS {
         return Err(refusal(StatusCode::SERVICE_UNAVAILABLE, "Too many viewers look on already; close one."));
     }
@@ -281,28 +288,28 @@ async fn order(
     State(shared): App,
     headers: HeaderMap,
     body: Result<Bytes, axum::extract::rejection::BytesRejection>,
-) -> Response {
+) -> Result<Response, Refusal> {
     let Some(control) = &shared.control else {
-        return refusal(
+        return Err(refusal(
             StatusCode::FORBIDDEN,
             "This page only shows the run; start it with --view --control to pause, step or stop it.",
-        );
+        ));
     };
     // A form of another site cannot send this type without being asked about first.
     if headers.get(header::CONTENT_TYPE).is_none_or(|kind| kind != "application/json") {
-        return refusal(StatusCode::UNSUPPORTED_MEDIA_TYPE, "A request is JSON: content-type: application/json.");
+        return Err(refusal(StatusCode::UNSUPPORTED_MEDIA_TYPE, "A request is JSON: content-type: application/json."));
     }
-    let Ok(body) = body else { return refusal(StatusCode::PAYLOAD_TOO_LARGE, "The request is too long.") };
+    let Ok(body) = body else { return Err(refusal(StatusCode::PAYLOAD_TOO_LARGE, "The request is too long.")) };
     if body.len() > MAX_BODY_BYTES {
-        return refusal(StatusCode::PAYLOAD_TOO_LARGE, "The request is too long.");
+        return Err(refusal(StatusCode::PAYLOAD_TOO_LARGE, "The request is too long."));
     }
     let command: Command = match serde_json::from_slice(&body) {
         Ok(command) => command,
-        Err(error) => return refusal(StatusCode::BAD_REQUEST, &format!("This is no request: {error}.")),
+        Err(error) => return Err(refusal(StatusCode::BAD_REQUEST, format!("This is no request: {error}."))),
     };
     match control.order(&command) {
-        Ok(()) => json(&control.to_json()),
-        Err(refused) => refusal(StatusCode::CONFLICT, &format!("Not done: {refused}.")),
+        Ok(()) => Ok(json(&control.to_json())),
+        Err(refused) => Err(refusal(StatusCode::CONFLICT, format!("Not done: {refused}."))),
     }
 }
 

@@ -106,7 +106,7 @@ impl LogFile {
             schemas: BTreeMap::new(),
         };
         let mut scan = Scan::new(&bytes);
-        while let Some(record) = scan.next() {
+        for record in scan.by_ref() {
             file.take(record);
         }
         (file.is_whole, file.n_lost_bytes) = (scan.is_whole, scan.n_lost);

@@ -185,11 +185,13 @@ fn the_demo_pours_and_shows_why() {
         assert!(stage["failure"].is_null() && !stage["summary"].as_str().unwrap().is_empty());
     }
     assert!(report["judge"]["physics_tampered"].is_null());
-    for name in ["grounding", "palm_poses", "grasp", "result"] {
+    let views = ["left", "right"].map(|camera| ["colour", "depth", "mask"].map(|what| format!("grounding_{camera}_{what}")));
+    let others = ["palm_poses", "grasp", "result"].map(str::to_owned);
+    for name in views.into_iter().flatten().chain(others) {
         let picture = fs::read(out.join(format!("{name}.png"))).unwrap();
         assert!(picture.starts_with(b"\x89PNG\r\n\x1a\n") && picture.len() > 20_000, "{name}.png has {} bytes", picture.len());
     }
-    check_page(&out.join("report.html"), 4);
+    check_page(&out.join("report.html"), 9);
     let topics = recording::messages(&out.join("run.mcap"));
     assert_eq!(topics["/stages"].len(), all.len());
     assert_eq!(topics["/verdict"].len(), 1);
