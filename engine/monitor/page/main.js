@@ -47,6 +47,7 @@ class View {
   seek(t) {
     this.t = Math.max(0, Math.min(this.duration, Number.isFinite(t) ? t : 0));
     this.follows = false;
+    this.#showPlaying();
     this.#draw();
   }
 
@@ -63,6 +64,7 @@ class View {
   }
 
   play() {
+    this.follows = false;
     if (this.t >= this.duration - 1e-6 && !this.runs[0].live) this.t = 0;
     this.isPlaying = true;
     this.last = performance.now();
@@ -70,13 +72,16 @@ class View {
     this.#next();
   }
 
+  /** Holds the page at this moment, also one that follows a run. */
   pause() {
     this.isPlaying = false;
+    this.follows = false;
     this.#showPlaying();
+    this.invalidate();
   }
 
   toggle() {
-    if (this.isPlaying) this.pause();
+    if (this.isPlaying || this.follows) this.pause();
     else this.play();
   }
 
@@ -84,14 +89,16 @@ class View {
     if (!this.runs[0].live) return;
     this.pause();
     this.follows = true;
+    this.#showPlaying();
     this.invalidate();
   }
 
   #showPlaying() {
     const button = byId("play");
-    button.dataset.playing = String(this.isPlaying);
-    setText(button, this.isPlaying ? "❚❚" : "▶");
-    button.setAttribute("aria-label", this.isPlaying ? "Pause" : "Play");
+    const moves = this.isPlaying || this.follows;
+    button.dataset.playing = String(moves);
+    setText(button, moves ? "❚❚" : "▶");
+    button.setAttribute("aria-label", moves ? "Pause" : "Play");
   }
 
   /** Draws in the next frame. */
@@ -251,7 +258,7 @@ function follow(view, hasControl) {
     showHeader(view);
     view.invalidate();
   };
-  view.follows = readLink().t === null;
+  if (readLink().t === null) view.goLive();
   run.follow();
 }
 

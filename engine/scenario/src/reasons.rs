@@ -57,6 +57,10 @@ impl<'a, 'm> Reasons<'a, 'm> {
     }
 
     fn given_by(&mut self, nodes: &'a [NodeSpec]) -> Given<'a> {
+        // Children that are missing are another mistake.
+        if nodes.is_empty() {
+            return None;
+        }
         nodes.iter().try_fold(BTreeSet::new(), |mut all, node| {
             all.extend(self.given(node)?);
             Some(all)

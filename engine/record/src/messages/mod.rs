@@ -1,6 +1,6 @@
 //! Our own messages in `run.mcap`: JSON, each with the JSON schema of its struct.
 //!
-//! Names are stable: a changed layout gets a new number. Points are `[x, y, z]` in metres and poses [`PoseLayout`], in the frame
+//! Names are stable: a changed layout gets a new number. Points are `[x, y, z]` in metres and poses [`PoseLayout`](sfg_types::layout::PoseLayout), in the frame
 //! of the base link unless the field's name says otherwise; pixels count from the upper left.
 
 mod decision;
