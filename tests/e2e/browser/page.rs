@@ -303,7 +303,8 @@ fn a_live_run_is_shown_as_it_is_recorded() {
     page.eval(&format!("sfg.control.order({{command: 'break', node: '{close_hand}', at: 'start', on: true}})"));
     page.wait_for("sfg.control.state.breakpoints.length === 1");
     page.eval("document.getElementById('control-continue').click()");
-    page.wait_for("sfg.t > 1.0 && document.getElementById('control').dataset.paused === 'true'");
+    page.wait_for("document.getElementById('control-state').textContent.includes('before sequence')");
+    page.wait_for("sfg.t > sfg.runs[0].changeFrom(sfg.runs[0].duration, -1) + 0.1");
     // All that belongs to this moment has come, which is not sure of the last one.
     let hold = |page: &mut Page<'_>| {
         page.eval("sfg.pause()");
