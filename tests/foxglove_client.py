@@ -17,7 +17,7 @@ from collections import Counter
 import websockets
 
 STREAMS = ["/robot", "/joint_states", "/tf", "/truth", "/synergy", "/motors", "/journal"]
-ONCE = ["/run", "/tree/definition", "/tf_static", "/scene", "/functionality", "/inventory", "/masks", "/key_point", "/candidates",
+ONCE = ["/run", "/tree/definition", "/tf_static", "/scene", "/scene/grasp", "/functionality", "/inventory", "/masks", "/key_point", "/candidates",
         "/cloud", "/camera/left/image", "/camera/right/depth", "/camera/left/calibration", "/camera/left/annotations"]
 
 

@@ -35,6 +35,7 @@ POUR = {
     "/tf_static": "foxglove.FrameTransforms",
     "/tf": "foxglove.FrameTransforms",
     "/scene": "foxglove.SceneUpdate",
+    "/scene/grasp": "foxglove.SceneUpdate",
     "/cloud": "foxglove.PointCloud",
     "/joint_states": "foxglove.JointStates",
     "/log": "foxglove.Log",

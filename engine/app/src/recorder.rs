@@ -16,8 +16,10 @@ use sfg_record::{Detail, Recording, TreeOutcome};
 use sfg_skills::SkillContext;
 use sfg_tree::{NamedRecord, Tree};
 use sfg_types::layout::PoseLayout;
-use sfg_types::{AffordanceMask, HandProfile, Observation, PalmPoseCandidate, Point, Pose, Rejected, RunReport, SceneInventory};
-use sfg_types::{RobotState, Selection, StageRecord, TaskKeyPoint};
+use sfg_types::{
+    AffordanceMask, HandCommand, HandFeedback, HandProfile, Observation, PalmPoseCandidate, Point, Pose, Rejected, RobotState,
+    RunReport, SceneInventory, Selection, StageRecord, TaskKeyPoint, Vector,
+};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -80,11 +82,16 @@ impl Recorder {
     /// Opens the recording in `folder`, and the live socket if the user asked for it.
     pub(crate) fn open(folder: &Path, request: &RunRequest<'_>, scene: &SceneSpec, profile: &HandProfile) -> Result<Self> {
         let metadata = metadata(request)?;
-        let mut recording = Recording::create(&folder.join("run.mcap"), &metadata)?.with_tap(request.tap.clone());
-        if let Some(port) = request.foxglove {
-            let port = recording.serve(port)?;
-            say!("Foxglove can look on at ws://127.0.0.1:{port}");
-        }
+        let path = folder.join("run.mcap");
+        let recording = match request.foxglove {
+            Some(port) => {
+                let (recording, port) = Recording::create_served(&path, &metadata, port)?;
+                say!("Foxglove can look on at ws://127.0.0.1:{port}");
+                recording
+            }
+            None => Recording::create(&path, &metadata)?,
+        };
+        let mut recording = recording.with_tap(request.tap.clone());
         recording.begin(&header::header(request, scene, profile))?;
         for (name, media_type, path) in header::files(request) {
             if let Ok(bytes) = std::fs::read(&path) {
@@ -204,9 +211,17 @@ impl Recorder {
         if is_due(&mut self.robot_secs, now_secs, ROBOT_EVERY_SECS) {
             // Finer than the encoders; more digits are noise in the file.
             let fine = |values: &[f64]| values.iter().map(|value| rounded_to(1e6, *value)).collect::<Vec<_>>();
-            let state = RobotState { q: fine(&state.q), dq: fine(&state.dq), ..state.clone() };
+            let hand = HandFeedback {
+                motor_positions: state.hand.motor_positions.map(|value| rounded_to(1e5, value)),
+                motor_currents_amps: state.hand.motor_currents_amps.map(|value| rounded_to(1e5, value)),
+            };
+            let state = RobotState { q: fine(&state.q), dq: fine(&state.dq), hand, ..state.clone() };
             let q_command = fine(&sent.q);
-            self.recording.robot(&RobotSample { state: &state, q_command: &q_command, hand_command: sent.hand })?;
+            let hand_command = HandCommand {
+                synergy: rounded_to(1e5, sent.hand.synergy),
+                manipulation: rounded_to(1e5, sent.hand.manipulation),
+            };
+            self.recording.robot(&RobotSample { state: &state, q_command: &q_command, hand_command })?;
         }
         if is_due(&mut self.frames_secs, now_secs, FRAMES_EVERY_SECS) {
             let c = skills.robot.synergy();
@@ -270,13 +285,18 @@ fn rounded_to(steps_per_unit: f64, value: f64) -> f64 {
     (value * steps_per_unit).round() / steps_per_unit
 }
 
-/// One entry a pair that presses on each other, with the sum of its impulses.
+/// One entry a pair that presses on each other, with the sum of its impulses, at their middle.
 fn contacts(all: Vec<ContactTruth>) -> Vec<Contact> {
-    let mut pairs: BTreeMap<(String, String), f64> = BTreeMap::new();
+    let mut pairs: BTreeMap<(String, String), (f64, Vector)> = BTreeMap::new();
     for contact in all.into_iter().filter(|contact| contact.impulse_ns > 0.0) {
-        *pairs.entry((contact.object, contact.with)).or_default() += contact.impulse_ns;
+        let (impulse_ns, moment) = pairs.entry((contact.object, contact.with)).or_default();
+        *impulse_ns += contact.impulse_ns;
+        *moment += contact.impulse_ns * contact.point_in_base.coords;
     }
-    let entry = |((object, with), impulse_ns)| Contact { object, with, impulse_ns: rounded_to(1e5, impulse_ns) };
+    let entry = |((object, with), (impulse_ns, moment)): ((String, String), (f64, Vector))| {
+        let point_in_base = (moment / impulse_ns).map(|metres| rounded_to(1e4, metres)).into();
+        Contact { object, with, impulse_ns: rounded_to(1e5, impulse_ns), point_in_base }
+    };
     pairs.into_iter().map(entry).collect()
 }
 

@@ -76,17 +76,20 @@ function stagePairs(first, second) {
 }
 
 /**
- * The first change of a status in which two runs differ, time left aside.
+ * The first change of a status that is another one in the other run or comes in another tick.
  * @param {Run} first @param {Run} second
- * @returns {{t: number, tSecond: number, text: string} | null} null when every change is the same
+ * @returns {{t: number, text: string} | null} null when every change is the same
  */
 export function firstDifference(first, second) {
   const [a, b] = [first.transitions, second.transitions].map((list) => /** @type {any[]} */ (list));
   const text = (/** @type {any} */ change) => (change ? `${change.node.split("/").at(-1)} ${change.to}${change.reason ? ` (${change.reason})` : ""}` : "nothing more");
   for (let i = 0; i < Math.max(a.length, b.length); i += 1) {
     const [x, y] = [a[i], b[i]];
-    if (x && y && x.node === y.node && x.to === y.to && x.reason === y.reason) continue;
-    return { t: x?.t ?? first.duration, tSecond: y?.t ?? second.duration, text: `A: ${text(x)} · B: ${text(y)}` };
+    if (x && y && x.node === y.node && x.to === y.to && x.reason === y.reason && x.tick === y.tick) continue;
+    const [t, tSecond] = [x?.t ?? first.duration, y?.t ?? second.duration];
+    const when = (/** @type {any} */ change, /** @type {number} */ at) => `${text(change)} at ${at.toFixed(2)} s`;
+    // Up to the earlier of the two both are the same.
+    return { t: Math.min(t, tSecond), text: `A: ${when(x, t)} · B: ${when(y, tSecond)}` };
   }
   return null;
 }

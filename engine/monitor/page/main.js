@@ -177,14 +177,22 @@ function say(text) {
   setText(notice, text);
 }
 
-function firstTheme() {
-  let kept = null;
+/** The user's own choice, or null. */
+function keptTheme() {
   try {
-    kept = localStorage.getItem("theme");
+    return localStorage.getItem("theme");
   } catch {
     // A browser may forbid it.
+    return null;
   }
-  document.documentElement.dataset.theme = kept ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+}
+
+/** Shows the chosen theme; without a choice the system's, also when that changes. */
+function followTheme() {
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const show = () => (document.documentElement.dataset.theme = keptTheme() ?? (dark.matches ? "dark" : "light"));
+  show();
+  dark.addEventListener("change", show);
 }
 
 /** @param {View} view */
@@ -263,7 +271,7 @@ function follow(view, hasControl) {
 }
 
 async function begin() {
-  firstTheme();
+  followTheme();
   fillHelp(byId("help-keys"));
   const view = new View();
   const [info, abouts] = await Promise.all([ask("api/info").then((r) => r.json()), ask("api/runs").then((r) => r.json())]);

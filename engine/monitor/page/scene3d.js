@@ -6,7 +6,7 @@ import { Renderer } from "./gl.js";
 import { matrixOf, multiply, transform, translation } from "./mathx.js";
 import { KEY_POINT, lightOf, PATH, TOUCH, TRAIL, watchColours } from "./palette.js";
 import { Kinematics } from "./robot.js";
-import { clusterParts, grainPart, linkParts, objectParts, tableParts } from "./scene_parts.js";
+import { clusterParts, contactPart, contactPlaces, grainPart, linkParts, objectParts, tableParts } from "./scene_parts.js";
 import * as shapes from "./shapes.js";
 
 /** The palm's way of the last seconds is drawn behind it. */
@@ -225,6 +225,7 @@ export class Scene3d {
     this.objects = objectParts(renderer, this.header);
     this.table = this.header.table ? tableParts(renderer, this.header.table) : [];
     this.grains = grainPart(renderer);
+    this.contacts = contactPart(renderer);
     this.marker = renderer.mesh(shapes.sphere(0.011, 20));
     if (this.presetName && !this.camera.isTouched) this.preset(this.presetName);
   }
@@ -292,8 +293,13 @@ export class Scene3d {
     // Grains are recorded less often than the rest.
     const list = truth?.grains ?? run.between("/truth", t - 0.35, t).findLast((/** @type {any} */ sample) => sample.grains)?.grains ?? [];
     if (this.grains && list.length > 0) {
-      renderer.place(this.grains.mesh, Float32Array.from(list.flatMap((/** @type {number[]} */ p) => [p[0], p[1], p[2], 1])));
+      renderer.place(this.grains.mesh, Float32Array.from(list.flatMap((/** @type {number[]} */ p) => [p[0], p[1], p[2], this.header.grain_radius_m ?? 0.004])));
       items.push(this.grains);
+    }
+    const contacts = contactPlaces(truth?.contacts ?? []);
+    if (this.contacts && contacts.length > 0) {
+      renderer.place(this.contacts.mesh, contacts);
+      items.push(this.contacts);
     }
     return items;
   }

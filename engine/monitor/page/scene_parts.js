@@ -1,15 +1,12 @@
 // @ts-check
 /** What stands in the scene, as meshes: links, things, table, grains, and the glyph of a palm pose. */
 import { matrixOf, multiply, rotation, scaling, translation } from "./mathx.js";
-import { colourOf, GRAIN, TABLE } from "./palette.js";
+import { colourOf, GRAIN, TABLE, TOUCH } from "./palette.js";
 import * as shapes from "./shapes.js";
 
 /** @typedef {import("./gl.js").Renderer} Renderer */
 /** @typedef {import("./gl.js").Item} Item */
 /** @typedef {import("./gl.js").Mesh} Mesh */
-
-/** Grains are recorded as points; this is the radius of the simulator's, metres. */
-const GRAIN_RADIUS_M = 0.004;
 
 /** @param {any} shape of the header @returns {shapes.Geometry | null} */
 function geometryOf(shape) {
@@ -104,11 +101,21 @@ export function clusterParts(renderer, inventory) {
   });
 }
 
-/** @param {Renderer} renderer @returns {Item} many small balls */
+/** @param {Renderer} renderer @returns {Item} many small balls, placed by centre and radius */
 export function grainPart(renderer) {
-  return {
-    mesh: renderer.mesh(shapes.sphere(GRAIN_RADIUS_M, 12), true), model: translation([0, 0, 0]), colour: GRAIN, gloss: 0.6, glow: 0.15,
-  };
+  return { mesh: renderer.mesh(shapes.sphere(1, 12), true), model: translation([0, 0, 0]), colour: GRAIN, gloss: 0.6, glow: 0.15 };
+}
+
+/** @param {Renderer} renderer @returns {Item} balls where something is touched, seen through what is before them */
+export function contactPart(renderer) {
+  return { ...grainPart(renderer), colour: TOUCH, glow: 0.8, castsShadow: false, shinesThrough: true };
+}
+
+/** Balls at the contacts, larger where more presses; what merely stands on the table is left out. @param {any[]} contacts */
+export function contactPlaces(contacts) {
+  const radius = (/** @type {number} */ impulse) => 0.003 + 0.004 * Math.min(1, impulse / 0.08);
+  const touches = contacts.filter((contact) => contact.point_in_base && contact.with !== "table");
+  return Float32Array.from(touches.flatMap(({ point_in_base: p, impulse_ns: impulse }) => [p[0], p[1], p[2], radius(impulse)]));
 }
 
 /**

@@ -24,7 +24,7 @@ const FLUSH_EVERY_SECS: f64 = 1.0;
 pub enum Detail {
     /// A decision was taken on it: everything in full, and the points.
     Full,
-    /// One of many: stronger compression, depth at a third of the resolution.
+    /// One of many: stronger compression, depth at a quarter of the resolution.
     Glance,
 }
 
@@ -49,7 +49,23 @@ impl Recording {
     /// # Errors
     /// [`RecordError`] when the file cannot be written.
     pub fn create(path: &Path, metadata: &BTreeMap<String, String>) -> Result<Self, RecordError> {
+        Self::start(path, metadata, None)
+    }
+
+    /// The same, and serves every channel to Foxglove at this port of this machine (0: one that is free); gives the port, too.
+    ///
+    /// # Errors
+    /// [`RecordError`] when the file cannot be written or the port is taken; then an older file at `path` is as it was.
+    pub fn create_served(path: &Path, metadata: &BTreeMap<String, String>, port: u16) -> Result<(Self, u16), RecordError> {
+        let recording = Self::start(path, metadata, Some(port))?;
+        let port = recording.live.as_ref().map_or(port, Live::port);
+        Ok((recording, port))
+    }
+
+    fn start(path: &Path, metadata: &BTreeMap<String, String>, port: Option<u16>) -> Result<Self, RecordError> {
         let context = Context::new();
+        // Before the file, which takes the place of an older one.
+        let live = port.map(|port| Live::start(&context, port)).transpose()?;
         let file = File::create(path, &context, metadata)?;
         Ok(Self {
             frames: frames::Frames::new(&context),
@@ -59,7 +75,7 @@ impl Recording {
             log: typed(&context, "/log"),
             context,
             file,
-            live: None,
+            live,
             tap: None,
             channels: BTreeMap::new(),
             flushed_secs: 0.0,
@@ -71,17 +87,6 @@ impl Recording {
     pub fn with_tap(mut self, tap: Option<Tap>) -> Self {
         self.tap = tap;
         self
-    }
-
-    /// Serves every channel to Foxglove at this port of this machine (0: one that is free); the port that it became.
-    ///
-    /// # Errors
-    /// [`RecordError::Port`] when the port is taken.
-    pub fn serve(&mut self, port: u16) -> Result<u16, RecordError> {
-        let live = Live::start(&self.context, port)?;
-        let port = live.port();
-        self.live = Some(live);
-        Ok(port)
     }
 
     /// Puts a file beside the messages: a robot description, a mesh.

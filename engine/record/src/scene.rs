@@ -1,13 +1,13 @@
-//! `/scene`: robot, table, objects, candidate palm poses, key point and path as Foxglove draws them.
+//! What Foxglove draws: `/scene` with robot, table and objects, `/scene/grasp` with palm poses, key point and path.
 //!
-//! Each update holds the whole scene, so that a viewer that jumps to a moment has all of it.
+//! Each update holds the whole of its topic, so that a viewer that jumps to a moment has all of it.
 
 use crate::frames::{base_frame, object_frame};
 use crate::messages::{Candidates, KeyPoint, LinkHeader, ObjectHeader, RunHeader, ShapeHeader, TableHeader, nanos};
 use crate::recording::{timestamp, typed};
 use foxglove::messages::{
     ArrowPrimitive, Color, CubePrimitive, CylinderPrimitive, KeyValuePair, LinePrimitive, Point3, Pose, Quaternion, SceneEntity,
-    SceneUpdate, SpherePrimitive, TriangleListPrimitive, Vector3, line_primitive,
+    SceneEntityDeletion, SceneUpdate, SpherePrimitive, TriangleListPrimitive, Vector3, line_primitive, scene_entity_deletion,
 };
 use foxglove::{Channel, Context};
 use sfg_types::layout::PoseLayout;
@@ -21,8 +21,10 @@ const REJECTED: Color = Color { r: 0.55, g: 0.35, b: 0.35, a: 0.6 };
 const TABLE_THICKNESS_M: f64 = 0.03;
 
 pub(crate) struct Scene {
-    channel: Channel<SceneUpdate>,
+    bodies: Channel<SceneUpdate>,
+    grasp: Channel<SceneUpdate>,
     base: String,
+    /// What `/scene/grasp` shows now.
     entities: Vec<SceneEntity>,
 }
 
@@ -118,17 +120,31 @@ fn object(object: &ObjectHeader) -> SceneEntity {
     entity
 }
 
+fn show(channel: &Channel<SceneUpdate>, mut entities: Vec<SceneEntity>, log_time_ns: u64) {
+    for entity in &mut entities {
+        entity.timestamp = Some(timestamp(log_time_ns));
+    }
+    // What an earlier update showed would stay otherwise.
+    let all = SceneEntityDeletion {
+        timestamp: Some(timestamp(log_time_ns)),
+        r#type: scene_entity_deletion::Type::All as i32,
+        ..SceneEntityDeletion::default()
+    };
+    channel.log_with_time(&SceneUpdate { deletions: vec![all], entities }, log_time_ns);
+}
+
 impl Scene {
     pub(crate) fn new(context: &Arc<Context>) -> Self {
-        Self { channel: typed(context, "/scene"), base: String::new(), entities: Vec::new() }
+        let (bodies, grasp) = (typed(context, "/scene"), typed(context, "/scene/grasp"));
+        Self { bodies, grasp, base: String::new(), entities: Vec::new() }
     }
 
     pub(crate) fn begin(&mut self, header: &RunHeader) {
         self.base = base_frame(header);
-        self.entities = header.links.iter().filter(|link| !link.shapes.is_empty()).map(link).collect();
-        self.entities.extend(header.table.as_ref().map(|found| table(&self.base, found)));
-        self.entities.extend(header.objects.iter().map(object));
-        self.show(0);
+        let links = header.links.iter().filter(|link| !link.shapes.is_empty()).map(link);
+        let table = header.table.as_ref().map(|found| table(&self.base, found));
+        let entities = links.chain(table).chain(header.objects.iter().map(object)).collect();
+        show(&self.bodies, entities, 0);
     }
 
     /// Puts an entity in the place of the one with its name.
@@ -139,12 +155,8 @@ impl Scene {
         }
     }
 
-    fn show(&mut self, log_time_ns: u64) {
-        for entity in &mut self.entities {
-            entity.timestamp = Some(timestamp(log_time_ns));
-        }
-        let update = SceneUpdate { deletions: Vec::new(), entities: self.entities.clone() };
-        self.channel.log_with_time(&update, log_time_ns);
+    fn show(&self, stamp_secs: f64) {
+        show(&self.grasp, self.entities.clone(), nanos(stamp_secs));
     }
 
     pub(crate) fn key_point(&mut self, message: &KeyPoint) {
@@ -152,7 +164,7 @@ impl Scene {
         let ball = SpherePrimitive { pose: at(message.point_in_base), size: size(0.02, 0.02, 0.02), color: Some(KEY_POINT) };
         entity.spheres.push(ball);
         self.put(entity);
-        self.show(nanos(message.stamp_secs));
+        self.show(message.stamp_secs);
     }
 
     /// An arrow a palm pose, along its approach; the numbers are the entity's metadata.
@@ -194,7 +206,7 @@ impl Scene {
             ..LinePrimitive::default()
         });
         self.put(path);
-        self.show(nanos(message.stamp_secs));
+        self.show(message.stamp_secs);
     }
 }
 

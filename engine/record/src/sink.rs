@@ -152,6 +152,9 @@ impl ServerListener for Greeter {
     }
 }
 
+/// What the last messages have to get through to those who look on, before the socket is closed.
+const FAREWELL: Duration = Duration::from_millis(300);
+
 /// The live socket: closed when it is dropped.
 pub(crate) struct Live {
     server: Option<WebSocketServerHandle>,
@@ -177,6 +180,9 @@ impl Live {
 impl Drop for Live {
     fn drop(&mut self) {
         if let Some(server) = self.server.take() {
+            if server.client_count() > 0 {
+                std::thread::sleep(FAREWELL);
+            }
             server.stop().wait_blocking();
         }
     }

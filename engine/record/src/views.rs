@@ -25,9 +25,9 @@ pub enum ImageKind {
 }
 
 /// Of a look that a decision was taken on, and of a glance.
-const JPEG_QUALITY: [u8; 2] = [85, 75];
-/// A glance has every third pixel of every third row of the depths.
-const GLANCE_STEP_PX: usize = 3;
+const JPEG_QUALITY: [u8; 2] = [85, 70];
+/// A glance has every fourth pixel of every fourth row of the depths.
+const GLANCE_STEP_PX: usize = 4;
 const MASK: Color = Color { r: 1.0, g: 0.55, b: 0.0, a: 0.9 };
 const KEY_POINT: Color = Color { r: 0.86, g: 0.08, b: 0.24, a: 1.0 };
 
@@ -207,7 +207,7 @@ mod tests {
         assert_eq!((full.width(), full.height()), (8, 6));
         assert_eq!([full.get_pixel(0, 0).0[0], full.get_pixel(5, 0).0[0], full.get_pixel(7, 5).0[0]], [500, 0, 547]);
         let glance = image::load_from_memory(&depth_png(&view(), Detail::Glance).unwrap()).unwrap().into_luma16();
-        assert_eq!((glance.width(), glance.height(), glance.get_pixel(1, 1).0[0]), (3, 2, 527));
+        assert_eq!((glance.width(), glance.height(), glance.get_pixel(1, 1).0[0]), (2, 2, 536));
     }
 
     #[test]

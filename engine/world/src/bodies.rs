@@ -111,11 +111,38 @@ impl Bodies {
     /// Roles of everything that touches object `object_idx` now (contacts within the solver's reach), with the contact impulse of
     /// the last step, Ns.
     pub(crate) fn touching(&self, object_idx: usize) -> impl Iterator<Item = (Role, f32)> + '_ {
+        self.contact_pairs(object_idx).map(|(role, pair)| (role, pair.total_impulse_magnitude()))
+    }
+
+    /// The same without grains, with the middle of the points that press, weighted with their impulses; of all points where none
+    /// presses.
+    pub(crate) fn contacts(&self, object_idx: usize) -> impl Iterator<Item = (Role, f32, Point)> + '_ {
+        self.contact_pairs(object_idx).filter(|(role, _)| !matches!(role, Role::Grain(_))).map(|(role, pair)| {
+            let place = *self.physics.colliders[pair.collider1].position();
+            let points: Vec<(Point, f64)> = pair
+                .manifolds()
+                .iter()
+                .flat_map(|manifold| {
+                    let from_shape = manifold.subshape_pos1().map_or(place, |shape| place * *shape);
+                    manifold
+                        .points
+                        .iter()
+                        .map(move |point| (point_from_physics(from_shape * point.local_p1), f64::from(point.data.impulse)))
+                })
+                .collect();
+            let pressing: f64 = points.iter().map(|(_, impulse)| impulse).sum();
+            let weight = |impulse: f64| if pressing > 0.0 { impulse / pressing } else { 1.0 / points.len() as f64 };
+            let middle: Vector64 = points.iter().map(|(point, impulse)| point.coords * weight(*impulse)).sum();
+            (role, pair.total_impulse_magnitude(), middle.into())
+        })
+    }
+
+    fn contact_pairs(&self, object_idx: usize) -> impl Iterator<Item = (Role, &ContactPair)> + '_ {
         let physics = &self.physics;
         self.objects[object_idx].pieces.iter().flat_map(move |(collider, _)| {
             physics.narrow_phase.contact_pairs_with(*collider).filter(|pair| pair.has_any_active_contact()).map(move |pair| {
                 let other = if pair.collider1 == *collider { pair.collider2 } else { pair.collider1 };
-                (Role::decode(physics.colliders[other].user_data), pair.total_impulse_magnitude())
+                (Role::decode(physics.colliders[other].user_data), pair)
             })
         })
     }

@@ -34,6 +34,8 @@ pub struct ContactTruth {
     pub with: String,
     /// Contact impulse of the last step, Ns.
     pub impulse_ns: f64,
+    /// Middle of the points that press, weighted with their impulses; of all points where none does.
+    pub point_in_base: Point,
 }
 
 /// A moment of the simulated world.

@@ -215,12 +215,14 @@ impl World {
             Role::Object(idx, _) => bodies.objects[idx].name.clone(),
             Role::Grain(_) => "grain".to_owned(),
         };
-        let contacts =
-            (0..bodies.objects.len()).flat_map(|idx| {
-                bodies.touching(idx).filter(|(role, _)| !matches!(role, Role::Grain(_))).map(move |(role, impulse)| {
-                    ContactTruth { object: bodies.objects[idx].name.clone(), with: name(role), impulse_ns: f64::from(impulse) }
-                })
-            });
+        let contacts = (0..bodies.objects.len()).flat_map(|idx| {
+            bodies.contacts(idx).map(move |(role, impulse, point_in_base)| ContactTruth {
+                object: bodies.objects[idx].name.clone(),
+                with: name(role),
+                impulse_ns: f64::from(impulse),
+                point_in_base,
+            })
+        });
         Truth {
             stamp_secs: self.stamp_secs(),
             objects: objects.collect(),

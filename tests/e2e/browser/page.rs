@@ -260,6 +260,11 @@ fn two_recordings_stand_side_by_side() {
     seek(&mut page, 0.5 * recorded.duration());
     let links = page.eval("sfg.panels.map((panel) => panel.scene.linkPose('left_palm').position)");
     assert_ne!(links[0], links[1], "other seeds take the arm elsewhere");
+    // They reach their palm poses at other times: up to the earlier one all is the same.
+    page.eval("document.getElementById('first-difference').click()");
+    let (t, told) = (page.eval("sfg.t").as_f64().unwrap(), page.eval("document.getElementById('notice').textContent"));
+    assert!(t > 1.0 && t < recorded.duration() && told.as_str().unwrap().contains("reach_palm_pose"), "{t} s: {told}");
+    seek(&mut page, 0.5 * recorded.duration());
     page.screenshot(&shots().join("two-runs.png"));
     assert_silent(&mut page);
 }

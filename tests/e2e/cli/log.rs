@@ -9,7 +9,7 @@ use std::path::Path;
 /// Every channel of a run that grasps and pours.
 pub(crate) const POUR_CHANNELS: &str = "\
     /run /tree/definition /tree /journal /blackboard /stages /functionality /inventory /masks /key_point /candidates /robot \
-    /synergy /motors /truth /verdict /tf_static /tf /scene /cloud /joint_states /log \
+    /synergy /motors /truth /verdict /tf_static /tf /scene /scene/grasp /cloud /joint_states /log \
     /camera/left/image /camera/left/depth /camera/left/calibration /camera/left/annotations \
     /camera/right/image /camera/right/depth /camera/right/calibration /camera/right/annotations";
 

@@ -39,6 +39,7 @@ pub(super) fn header(request: &RunRequest<'_>, scene: &SceneSpec, profile: &Hand
             high: [table.x_m[1], table.y_m[1]],
         }),
         objects: scene.objects.iter().map(object).collect(),
+        grain_radius_m: scene.settings.grain_radius_m,
     }
 }
 

@@ -38,6 +38,8 @@ pub struct RunHeader {
     pub table: Option<TableHeader>,
     /// Objects of a simulated scene, for viewers alone.
     pub objects: Vec<ObjectHeader>,
+    /// Radius of the grains; absent in older recordings, whose grains have 4 mm.
+    pub grain_radius_m: f64,
 }
 
 /// One rigid body of the robot.

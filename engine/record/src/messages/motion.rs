@@ -72,4 +72,6 @@ pub struct Contact {
     pub with: String,
     /// Impulse of the last step, Ns.
     pub impulse_ns: f64,
+    /// Middle of where they press on each other, 0.1 mm grid; absent in older recordings.
+    pub point_in_base: [f64; 3],
 }
