@@ -14,6 +14,7 @@ mod plugins;
 mod preview;
 mod recorder;
 mod replay;
+mod robot;
 mod run;
 mod say;
 mod scene;
@@ -115,6 +116,12 @@ enum Command {
     /// Motion planning by itself: bench.
     #[command(subcommand)]
     Plan(plan::PlanCommand),
+    /// Robots by themselves: info, ik.
+    #[command(subcommand)]
+    Robot(robot::RobotCommand),
+    /// Inverse kinematics by itself: bench.
+    #[command(subcommand)]
+    Ik(robot::IkCommand),
     /// Runs a scenario over many seeds and prints success rates with their intervals.
     Sweep(sweep::SweepOptions),
     /// One step of a sweep, for schedulers: plan, run-shard, merge.
@@ -247,6 +254,8 @@ fn execute(cli: Cli) -> Result<ExitCode> {
             Ok(ExitCode::SUCCESS)
         }
         Some(Command::Plan(command)) => plan::run(&command),
+        Some(Command::Robot(command)) => robot::robot(&Assets::open(assets)?, &command),
+        Some(Command::Ik(command)) => robot::bench(&Assets::open(assets)?, &command),
         Some(Command::Sweep(options)) => sweep::sweep(&Assets::open(assets)?, &options),
         Some(Command::Shard(command)) => sweep::shard(&Assets::open(assets)?, &command),
         Some(Command::Schema { tests }) => {

@@ -122,16 +122,7 @@ fn chain_of(tree: &Tree, srdf: &Srdf, options: &BenchOptions) -> Result<Chain> {
         .group(&options.group)
         .ok_or_else(|| wrong(format!("no group is called {:?}; its groups are {}", options.group, known())))?;
     let (base, tip) = group.chain.as_ref().ok_or_else(|| wrong(format!("group {:?} has no <chain>", options.group)))?;
-    let mut joints = Vec::new();
-    let mut link = tree.link_idx(tip).map_err(|error| wrong(error.to_string()))?;
-    while let Some(joint) = tree.links[link].joint_idx.filter(|_| tree.links[link].name != *base) {
-        if tree.q_names.contains(&tree.joints[joint].name) {
-            joints.push(tree.joints[joint].name.clone());
-        }
-        link = tree.joints[joint].parent_idx;
-    }
-    joints.reverse();
-    Ok(Chain::new(tree, base, tip, &joints, &vec![0.0; tree.n_q()]).map_err(|error| wrong(error.to_string()))?)
+    Ok(Chain::between(tree, base, tip, &vec![0.0; tree.n_q()]).map_err(|error| wrong(error.to_string()))?)
 }
 
 fn read(path: &Path) -> Result<ProblemFile> {

@@ -146,6 +146,27 @@ impl Chain {
         Ok(chain)
     }
 
+    /// The chain `base_link` -> `tip_link` with every independent joint between them; the others keep their value in `frozen_q`.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    ///
+    /// # Panics
+    /// As [`Self::new`].
+    pub fn between(tree: &Tree, base_link: &str, tip_link: &str, frozen_q: &[f64]) -> Result<Self, KinematicsError> {
+        let mut joints = Vec::new();
+        let mut link_idx = tree.link_idx(tip_link)?;
+        while let Some(joint_idx) = tree.links[link_idx].joint_idx.filter(|_| tree.links[link_idx].name != base_link) {
+            let joint = &tree.joints[joint_idx];
+            if matches!(joint.source, JointSource::Independent { .. }) {
+                joints.push(joint.name.clone());
+            }
+            link_idx = joint.parent_idx;
+        }
+        joints.reverse();
+        Self::new(tree, base_link, tip_link, &joints, frozen_q)
+    }
+
     /// Number of moving joints.
     #[must_use]
     pub fn n_joints(&self) -> usize {

@@ -7,6 +7,7 @@ mod language;
 mod log;
 mod recording;
 mod replay;
+mod robots;
 mod runs;
 mod scenario_tests;
 mod sweeps;
