@@ -298,7 +298,9 @@ impl RrtConnect {
             let length: f64 = path.windows(2).map(|w| distance(&w[0], &w[1])).sum();
             let (a, b) = (rng.random_range(0.0..length), rng.random_range(0.0..length));
             let ((i, q_a), (j, q_b)) = (point_at(&path, a.min(b)), point_at(&path, a.max(b)));
-            if i == j || !collision.is_free_between(&q_a, &q_b, step_rad) {
+            // What is nearly straight already costs a check and saves nothing.
+            let is_worthwhile = distance(&q_a, &q_b) < (1.0 - LEAST_GAIN) * (a - b).abs();
+            if i == j || !is_worthwhile || !collision.is_free_between(&q_a, &q_b, step_rad) {
                 continue;
             }
             path.splice(i + 1..=j, [q_a, q_b]);
@@ -315,6 +317,9 @@ impl RrtConnect {
         path.windows(2).all(|pair| collision.is_free_closely(&pair[0], &pair[1], step_rad))
     }
 }
+
+/// A shortcut saves at least this share of the way that it replaces.
+const LEAST_GAIN: f64 = 0.02;
 
 /// Leaves out every corner that can be left out.
 fn skip_corners(collision: &CollisionModel, path: &mut Vec<Vec<f64>>, step_rad: f64) {
