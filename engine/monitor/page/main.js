@@ -164,7 +164,14 @@ class View {
     } catch {
       // Without a store the choice lasts as long as the page.
     }
-    this.timeline?.draw(true);
+    this.restyle();
+  }
+
+  /** Draws everything in the colours of now. */
+  restyle() {
+    // Before there is something to draw, the address must stay as it is.
+    if (!this.timeline) return;
+    this.timeline.draw(true);
     for (const panel of this.panels) panel.resize();
     this.invalidate();
   }
@@ -187,10 +194,13 @@ function keptTheme() {
   }
 }
 
-/** Shows the chosen theme; without a choice the system's, also when that changes. */
-function followTheme() {
+/** Shows the chosen theme; without a choice the system's, also when that changes. @param {View} view */
+function followTheme(view) {
   const dark = matchMedia("(prefers-color-scheme: dark)");
-  const show = () => (document.documentElement.dataset.theme = keptTheme() ?? (dark.matches ? "dark" : "light"));
+  const show = () => {
+    document.documentElement.dataset.theme = keptTheme() ?? (dark.matches ? "dark" : "light");
+    view.restyle();
+  };
   show();
   dark.addEventListener("change", show);
 }
@@ -271,9 +281,9 @@ function follow(view, hasControl) {
 }
 
 async function begin() {
-  followTheme();
-  fillHelp(byId("help-keys"));
   const view = new View();
+  followTheme(view);
+  fillHelp(byId("help-keys"));
   const [info, abouts] = await Promise.all([ask("api/info").then((r) => r.json()), ask("api/runs").then((r) => r.json())]);
   view.runs = abouts.slice(0, 2).map((/** @type {any} */ about, /** @type {number} */ i) => new Run(i, about));
   await Promise.all(view.runs.map((run) => run.load()));
