@@ -186,6 +186,12 @@ impl<'a> ArmScene<'a> {
         self.grasping.contact(q).map(|contact| contact.to_string())
     }
 
+    /// What the safety filter guards while the object is approached, held and used: all but the object.
+    #[must_use]
+    pub fn guard(&self) -> CollisionModel {
+        self.carrying.clone()
+    }
+
     /// The scene with a vessel in the hand.
     #[must_use]
     pub fn with_vessel(&self, shape: &VesselShape, palm_from_vessel: &Pose) -> CollisionModel {
@@ -218,9 +224,10 @@ impl<'a> ArmScene<'a> {
             }
             PlanOutcome::NotFound { iterations } => return Err(format!("none found in {iterations} iterations")),
         };
-        let speed_fraction = speed.min(self.robot.max_speed_fraction());
-        let settings = TimingSettings { speed_fraction, ..TimingSettings::default() };
-        let trajectory = retime(&path, self.chain(), &settings, Some(&self.free)).map_err(|error| error.to_string())?;
+        let trajectory = self.stoppable(speed, &self.free, |speed_fraction| {
+            let settings = TimingSettings { speed_fraction, ..TimingSettings::default() };
+            retime(&path, self.chain(), &settings, Some(&self.free)).map_err(|error| error.to_string())
+        })?;
         match verify_exact(self.robot.model(), self.robot.side(), &self.whole_q, &self.free, &trajectory.q, EXACT_STEP_RAD) {
             None => Ok(trajectory),
             Some(contact) => Err(format!("the exact shapes touch: {contact}")),
@@ -232,10 +239,35 @@ impl<'a> ArmScene<'a> {
     /// # Errors
     /// Why it cannot be timed.
     pub fn time(&self, path: &[Vec<f64>], speed: f64) -> Result<JointTrajectory, String> {
-        let speed = speed.min(self.robot.max_speed_fraction());
-        retime(path, self.chain(), &TimingSettings::cartesian(speed), None).map_err(|error| error.to_string())
+        self.stoppable(speed, &self.carrying, |speed| {
+            retime(path, self.chain(), &TimingSettings::cartesian(speed), None).map_err(|error| error.to_string())
+        })
+    }
+
+    /// The motion at the highest speed, `speed` at most, at which the arm can be stopped everywhere on it among the things of `world`.
+    fn stoppable(
+        &self,
+        speed: f64,
+        world: &CollisionModel,
+        timed: impl Fn(f64) -> Result<JointTrajectory, String>,
+    ) -> Result<JointTrajectory, String> {
+        let mut speed = speed.min(self.robot.max_speed_fraction());
+        let mut why = None;
+        for _ in 0..SPEEDS_TRIED {
+            let trajectory = timed(speed)?;
+            why = self.robot.rehearse(&trajectory, world.clone());
+            if why.is_none() {
+                return Ok(trajectory);
+            }
+            speed *= SLOWER;
+        }
+        Err(why.map_or_else(String::new, |why| format!("the safety filter would not let it pass: {why}")))
     }
 }
+
+/// A motion that could not be stopped in time is tried so many times, each time at this share of the speed.
+const SPEEDS_TRIED: usize = 4;
+const SLOWER: f64 = 0.6;
 
 /// Descents of the inverse kinematics for one palm pose: CURI's mounting leaves nearly every pose several solutions.
 const IK_STARTS: usize = 24;

@@ -1,11 +1,11 @@
 //! The robot as skills see it: the driver behind the engine's limits.
 //!
-//! Skills set the coming set point; [`Robot::advance`] checks it and sends it. A skill that sets nothing brings the arm to
+//! Skills set the coming set point; [`Robot::advance`] sends it through the safety filter. A skill that sets nothing brings the arm to
 //! rest along a ramp, so that a halted node needs no clean-up to be safe.
 
 use crate::context::SkillFailure;
 use sfg_kinematics::{Chain, RobotModel};
-use sfg_planning::{CommandLimiter, stop_ramp};
+use sfg_planning::{CollisionModel, CollisionSettings, FilterSettings, HandFilter, Intervention, Limit, SafetyFilter};
 use sfg_plugin::{Driver, PluginError, SelfSphere};
 use sfg_synergy::SynergySpace;
 use sfg_types::{
@@ -16,9 +16,9 @@ use sfg_types::{
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RobotError {
-    /// The command was outside the limits; the robot was stopped instead.
+    /// The command was so far outside the limits that what the filter left of it was another motion; the robot was stopped instead.
     #[error("{0}; the robot was stopped")]
-    Limit(String),
+    Limit(Intervention),
     /// The driver failed.
     #[error(transparent)]
     Driver(#[from] PluginError),
@@ -31,13 +31,15 @@ pub struct Robot {
     synergy: SynergySpace,
     side: HandSide,
     period_secs: f64,
-    limiter: CommandLimiter,
+    arm_filter: SafetyFilter,
+    hand_filter: HandFilter,
+    settings: FilterSettings,
+    interventions: Vec<(f64, Intervention)>,
     state: RobotState,
     sent: RobotCommand,
     arm_next: Option<(Vec<f64>, Vec<f64>)>,
     hand_target: HandCommand,
-    ramp: Option<(JointTrajectory, f64)>,
-    is_stopped: bool,
+    is_driver_stopped: bool,
     max_speed_fraction: f64,
     n_held: u64,
 }
@@ -49,44 +51,85 @@ const SPHERE_EXCESS_M: f64 = 0.01;
 /// Fingers have no joint sensors, so their balls are larger.
 const FINGER_MARGIN_M: f64 = 0.025;
 
+/// A set point that is farther than this from what was asked for belongs to another motion, radians.
+const MAX_DEPARTURE_RAD: f64 = 0.05;
+
 impl Robot {
-    /// Takes over `driver`, holding still.
+    /// Takes over `driver`, holding still. No motion uses more than `max_speed_fraction` of the joint speed limits.
     ///
     /// # Errors
     /// [`RobotError::Driver`] when the first state cannot be read.
+    ///
+    /// # Panics
+    /// If the model is broken: it was checked when it was loaded.
     pub fn new(
         mut driver: Box<dyn Driver>,
         model: RobotModel,
         synergy: SynergySpace,
-        limiter: CommandLimiter,
+        settings: FilterSettings,
+        max_speed_fraction: f64,
     ) -> Result<Self, RobotError> {
         let info = driver.info();
         let state = driver.state()?;
         let sent =
             RobotCommand { side: info.side, q: state.q.clone(), dq: vec![0.0; state.q.len()], hand: HandCommand::default() };
-        Ok(Self {
+        let mut chain = model.arm_chain(info.side).clone();
+        for limits in &mut chain.limits {
+            limits.velocity *= max_speed_fraction;
+        }
+        let profile = synergy.profile();
+        let hand_filter = HandFilter::new(sent.hand, profile.max_closing_speed_per_sec, profile.max_current_amps);
+        let arm_filter = SafetyFilter::new(chain, &sent.q, info.period_secs, settings.clone());
+        let mut robot = Self {
             driver,
             model,
             synergy,
             side: info.side,
             period_secs: info.period_secs,
-            limiter,
+            arm_filter,
+            hand_filter,
+            settings,
+            interventions: Vec::new(),
             state,
             sent,
             arm_next: None,
             hand_target: HandCommand::default(),
-            ramp: None,
-            is_stopped: false,
-            max_speed_fraction: 1.0,
+            is_driver_stopped: false,
+            max_speed_fraction,
             n_held: 0,
+        };
+        let alone = CollisionModel::new(&robot.model, robot.side, &robot.whole_q(&robot.sent.q, robot.synergy()), guarding())
+            .unwrap_or_else(|error| panic!("the loaded robot has a collision model: {error}"));
+        robot.guard(alone);
+        Ok(robot)
+    }
+
+    /// What the arm must not touch from now on: the filter stops before it. At first the robot itself.
+    pub fn guard(&mut self, mut world: CollisionModel) {
+        world.set_clearance(guarding().clearance_m);
+        self.arm_filter.set_world(Some(world));
+    }
+
+    /// What the safety filter would change in `trajectory` among the things of `world`; none when it passes as it is.
+    ///
+    /// # Panics
+    /// If the trajectory is not one of this arm.
+    #[must_use]
+    pub fn rehearse(&self, trajectory: &JointTrajectory, mut world: CollisionModel) -> Option<Intervention> {
+        world.set_clearance(guarding().clearance_m);
+        let start = trajectory.sample(0.0).0;
+        let mut filter = SafetyFilter::new(self.arm_filter.chain().clone(), &start, self.period_secs, self.settings.clone());
+        filter.set_world(Some(world));
+        let n = (trajectory.duration_secs() / self.period_secs).ceil() as usize;
+        (1..=n).find_map(|period| {
+            let (q, dq) = trajectory.sample(period as f64 * self.period_secs);
+            filter.step(Some((&q, &dq))).intervention
         })
     }
 
-    /// Lets no planned motion use more than this share of the joint speed limits.
-    #[must_use]
-    pub fn with_max_speed_fraction(mut self, fraction: f64) -> Self {
-        self.max_speed_fraction = fraction;
-        self
+    /// What the safety filter changed since this was asked last, each with the driver's time.
+    pub fn take_interventions(&mut self) -> Vec<(f64, Intervention)> {
+        std::mem::take(&mut self.interventions)
     }
 
     /// Largest share of the joint speed limits that a planned motion may use.
@@ -116,7 +159,7 @@ impl Robot {
     /// Whether the arm's set point stands.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
-        self.sent.dq.iter().all(|velocity| *velocity == 0.0)
+        self.arm_filter.is_at_rest()
     }
 
     /// Length of a control period.
@@ -222,27 +265,56 @@ impl Robot {
         q
     }
 
-    /// Sends the set point and lets one control period pass.
+    /// Sends the set point through the safety filter and lets one control period pass.
     ///
     /// # Errors
-    /// [`RobotError::Limit`] when the set point is outside the limits: the robot is then stopped and takes no further motion.
+    /// [`RobotError::Limit`] when little of the set point is within the limits: the arm then comes to rest and takes no further motion.
     /// [`RobotError::Driver`] when the driver fails.
     pub fn advance(&mut self) -> Result<(), RobotError> {
-        let (q, dq) = self.next_arm();
         let hand = self.next_hand();
-        let command = RobotCommand { side: self.side, q, dq, hand };
-        if self.is_stopped {
+        let arm = self.arm_next.take();
+        let arm = arm.as_ref().map(|(q, dq)| (q.as_slice(), dq.as_slice()));
+        // An arm that stands needs no command to stand on.
+        let arm = arm.or_else(|| self.is_at_rest().then_some((self.sent.q.as_slice(), self.sent.dq.as_slice())));
+        let arm = arm.map(|(q, dq)| (q.to_vec(), dq.to_vec()));
+        self.send(arm, hand)
+    }
+
+    fn send(&mut self, arm: Option<(Vec<f64>, Vec<f64>)>, hand: HandCommand) -> Result<(), RobotError> {
+        if self.is_driver_stopped {
             self.driver.advance()?;
-        } else {
-            if let Err(violation) = self.limiter.check(&self.sent, &command, self.period_secs) {
-                self.stop()?;
-                return Err(RobotError::Limit(violation.to_string()));
-            }
-            self.driver.command(&command)?;
-            self.sent = command;
-            self.driver.advance()?;
+            self.state = self.driver.state()?;
+            return Ok(());
         }
+        let was_stopped = self.arm_filter.is_stopped();
+        let sent = self.arm_filter.step(arm.as_ref().map(|(q, dq)| (q.as_slice(), dq.as_slice())));
+        let hand = if was_stopped { self.sent.hand } else { hand };
+        let (hand, hand_changed) = self.hand_filter.step(hand, &self.state.hand, self.period_secs);
+        let command = RobotCommand { side: self.side, q: sent.q, dq: sent.dq, hand };
+        self.driver.command(&command)?;
+        self.sent = command;
+        self.driver.advance()?;
         self.state = self.driver.state()?;
+        let now_secs = self.state.stamp_secs;
+        let mut departed = None;
+        for found in sent.intervention.into_iter().chain(hand_changed) {
+            // A skill that was halted says nothing more: its arm comes to rest as it should.
+            if matches!(found.limit, Limit::Silence | Limit::Stopped) {
+                continue;
+            }
+            let is_unreadable = matches!(found.limit, Limit::Length | Limit::NotANumber);
+            if is_unreadable || found.by > MAX_DEPARTURE_RAD {
+                departed.get_or_insert_with(|| found.clone());
+            }
+            self.interventions.push((now_secs, found));
+        }
+        if was_stopped && self.arm_filter.is_at_rest() {
+            self.is_driver_stopped = true;
+            self.driver.stop()?;
+        } else if let Some(found) = departed.filter(|_| !was_stopped) {
+            self.stop()?;
+            return Err(RobotError::Limit(found));
+        }
         Ok(())
     }
 
@@ -265,25 +337,36 @@ impl Robot {
     /// [`RobotError::Limit`] when the set point is outside the limits, as one out of a changed file may be: the robot is then stopped.
     /// [`RobotError::Driver`] when the driver fails.
     pub fn repeat(&mut self, command: &RobotCommand) -> Result<(), RobotError> {
-        if let Err(violation) = self.limiter.check(&self.sent, command, self.period_secs) {
-            self.stop()?;
-            return Err(RobotError::Limit(violation.to_string()));
-        }
-        self.driver.command(command)?;
-        self.sent = command.clone();
         self.hand_target = command.hand;
-        self.driver.advance()?;
-        self.state = self.driver.state()?;
-        Ok(())
+        self.send(Some((command.q.clone(), command.dq.clone())), command.hand)
     }
 
-    /// Stops the arm at once, from any state; no motion is taken afterwards.
+    /// Brings the arm to rest along a ramp, from any state; no motion is taken afterwards. The ramp goes on with each period.
     ///
     /// # Errors
     /// [`RobotError::Driver`] when the driver cannot be reached.
     pub fn stop(&mut self) -> Result<(), RobotError> {
-        self.is_stopped = true;
-        self.driver.stop()?;
+        self.arm_filter.stop();
+        if self.arm_filter.is_at_rest() && !self.is_driver_stopped {
+            self.is_driver_stopped = true;
+            self.driver.stop()?;
+        }
+        Ok(())
+    }
+
+    /// Stops the arm and waits until it rests; a driver that does not take the ramp is stopped at once.
+    ///
+    /// # Errors
+    /// [`RobotError::Driver`] when the driver cannot be reached.
+    pub fn stop_and_wait(&mut self) -> Result<(), RobotError> {
+        self.stop()?;
+        while !self.is_driver_stopped {
+            if let Err(error) = self.advance() {
+                self.is_driver_stopped = true;
+                self.driver.stop()?;
+                return Err(error);
+            }
+        }
         Ok(())
     }
 
@@ -296,26 +379,9 @@ impl Robot {
             manipulation: towards(self.sent.hand.manipulation, self.hand_target.manipulation),
         }
     }
+}
 
-    /// The skill's set point, or the next point of a ramp to rest.
-    fn next_arm(&mut self) -> (Vec<f64>, Vec<f64>) {
-        if let Some(next) = self.arm_next.take() {
-            self.ramp = None;
-            return next;
-        }
-        let now_secs = self.state.stamp_secs;
-        if self.sent.dq.iter().all(|velocity| *velocity == 0.0) && self.ramp.is_none() {
-            return (self.sent.q.clone(), self.sent.dq.clone());
-        }
-        let (ramp, start_secs) = self.ramp.get_or_insert_with(|| {
-            let limits = &self.model.arm_chain(self.side).limits;
-            (stop_ramp(&self.sent.q, &self.sent.dq, limits, self.period_secs), now_secs)
-        });
-        let t_secs = now_secs - *start_secs + self.period_secs;
-        let next = ramp.sample(t_secs);
-        if t_secs >= ramp.duration_secs() {
-            self.ramp = None;
-        }
-        next
-    }
+/// Distances that the filter keeps: those of the planner but for its clearance, so that what was planned passes.
+fn guarding() -> CollisionSettings {
+    CollisionSettings { clearance_m: 0.0, ..CollisionSettings::default() }
 }

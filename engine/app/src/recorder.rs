@@ -8,6 +8,7 @@ use crate::run::RunRequest;
 use crate::say::say;
 use anyhow::{Context as _, Result};
 use sfg_driver_sim::world::{ContactTruth, JudgeHandle, SceneSpec};
+use sfg_planning::Intervention;
 use sfg_record::messages::{
     Candidates, Contact, Functionality, Inventory, KeyPoint, MaskView, Masks, MotorSample, RobotSample, SynergySample,
     TreeDefinition, TruthSample, Verdict,
@@ -202,6 +203,11 @@ impl Recorder {
             MaskView::new(mask, pixel.map(|pixel| [pixel.x, pixel.y]))
         };
         Ok(self.recording.masks(&Masks { stamp_secs, views: masks.iter().map(view).collect() })?)
+    }
+
+    /// What the safety filter changed.
+    pub(crate) fn intervention(&mut self, stamp_secs: f64, found: &Intervention) {
+        self.recording.warn(stamp_secs, "safety", found.to_string());
     }
 
     /// A control period: whatever is due.

@@ -14,7 +14,7 @@ use sfg_driver_sim::world::{GraspAsked, JudgeHandle, Predicate, SceneSpec, Viewp
 use sfg_driver_sim::{SimDriver, SimOptions};
 use sfg_kinematics::RobotModel;
 use sfg_monitor::{Control, Go};
-use sfg_planning::{CommandLimiter, LimiterSettings, PalmBox};
+use sfg_planning::{FilterSettings, PalmBox};
 use sfg_record::{PageParts, Tap};
 use sfg_scenario::Scenario;
 use sfg_skills::{Kept, Robot, RobotError, SkillContext, StageLog};
@@ -23,7 +23,7 @@ use sfg_tree::groot::{BtlogWriter, Server};
 use sfg_tree::{Change, EditError, JournalLevel, NamedRecord, Names, Registry, Status, Tree};
 use sfg_types::{
     FailureReason, FunctionalityAnswer, HandProfile, Instruction, Outcome, PredicateResult, RobotCommand, RunFailure, RunReport,
-    StageRecord,
+    SafetyReport, StageRecord,
 };
 use std::fs::File;
 use std::io::BufWriter;
@@ -103,21 +103,14 @@ pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
     let profile = request.model.hand_profile.clone().context("the robot has no hand profile")?;
     let synergy = SynergySpace::new(&profile)?;
     let limits = &request.scenario.limits;
-    let mut limiter_settings =
-        LimiterSettings { max_hand_speed_per_sec: profile.max_closing_speed_per_sec, ..LimiterSettings::default() };
+    let mut settings = FilterSettings::default();
     if let Some(workspace) = &limits.workspace {
-        limiter_settings.palm_box = PalmBox {
+        settings.palm_box = PalmBox {
             low_m: [workspace.x_m.min, workspace.y_m.min, workspace.z_m.min],
             high_m: [workspace.x_m.max, workspace.y_m.max, workspace.z_m.max],
         };
     }
-    let mut chain = request.model.arm_chain(request.scenario.arm).clone();
-    for joint in &mut chain.limits {
-        joint.velocity *= limits.max_joint_speed_fraction;
-    }
-    let limiter = CommandLimiter::new(chain, limiter_settings);
-    let robot = Robot::new(Box::new(driver), request.model.clone(), synergy.clone(), limiter)?
-        .with_max_speed_fraction(limits.max_joint_speed_fraction);
+    let robot = Robot::new(Box::new(driver), request.model.clone(), synergy.clone(), settings, limits.max_joint_speed_fraction)?;
     let context =
         plugins::PluginSetting { assets: request.assets, profile: &profile, scenario: request.scenario, seed: request.seed };
     let mut skills = SkillContext {
@@ -141,11 +134,12 @@ pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
         groot2: None,
         begun,
         sent: Vec::new(),
+        safety: SafetyReport::default(),
     };
     session.open_recording(&spec, &profile)?;
     let ready_secs = begun.elapsed().as_secs_f64();
     // Nothing moves on unrecorded.
-    let ended = session.tick_to_end(&mut skills).inspect_err(|_| drop(skills.robot.stop()))?;
+    let ended = session.tick_to_end(&mut skills).inspect_err(|_| drop(skills.robot.stop_and_wait()))?;
     let report = session.report(&mut skills, ended, ready_secs)?;
     Ok(report)
 }
@@ -173,6 +167,7 @@ struct Session<'a> {
     groot2: Option<Server>,
     /// Every set point sent, so that a simulated robot can be brought here again.
     sent: Vec<RobotCommand>,
+    safety: SafetyReport,
     begun: Instant,
 }
 
@@ -315,9 +310,7 @@ impl Session<'_> {
                 };
                 break Ended { status: Status::Failure, failure: Some(failure), is_interrupted: false, first_motion_secs };
             }
-            let advanced = if is_held { skills.robot.hold() } else { skills.robot.advance() };
-            self.sent.push(skills.robot.sent().clone());
-            if let Err(error) = advanced {
+            if let Err(error) = self.advance(skills, is_held) {
                 let reason = match error {
                     RobotError::Limit(_) => FailureReason::LimitViolated,
                     _ => FailureReason::DriverFailed,
@@ -345,9 +338,7 @@ impl Session<'_> {
         let until_secs = skills.robot.now_secs() + rest_secs;
         while skills.robot.now_secs() < until_secs {
             self.record_period(skills)?;
-            let advanced = skills.robot.advance();
-            self.sent.push(skills.robot.sent().clone());
-            if let Err(error) = advanced {
+            if let Err(error) = self.advance(skills, false) {
                 ended.failure.get_or_insert(RunFailure {
                     reason: FailureReason::DriverFailed.name().to_owned(),
                     node: "driver".to_owned(),
@@ -390,6 +381,22 @@ impl Session<'_> {
     /// Tells the recorder, if this run leaves a recording.
     fn record(&mut self, tell: impl FnOnce(&mut Recorder) -> Result<()>) -> Result<()> {
         self.recorder.as_mut().map_or(Ok(()), tell)
+    }
+
+    /// Lets a control period pass and keeps what was sent and what the safety filter changed.
+    fn advance(&mut self, skills: &mut SkillContext, is_held: bool) -> Result<(), RobotError> {
+        let advanced = if is_held { skills.robot.hold() } else { skills.robot.advance() };
+        self.sent.push(skills.robot.sent().clone());
+        self.safety.periods += 1;
+        for (secs, found) in skills.robot.take_interventions() {
+            self.safety.interventions += 1;
+            *self.safety.by_limit.entry(found.limit.name().to_owned()).or_default() += 1;
+            self.safety.first.get_or_insert_with(|| format!("{secs:.3} s: {found}"));
+            if let Some(recorder) = &mut self.recorder {
+                recorder.intervention(secs, &found);
+            }
+        }
+        advanced
     }
 
     fn record_period(&mut self, skills: &SkillContext) -> Result<()> {
@@ -511,6 +518,7 @@ impl Session<'_> {
                 "state_hash": format!("{:016x}", self.judge.state_hash()),
             }),
             stages: skills.log.records().to_vec(),
+            safety: self.safety.clone(),
             duration_secs: skills.robot.now_secs(),
             timings: serde_json::json!({
                 "ready_secs": ready_secs,

@@ -174,6 +174,16 @@ impl Batch {
         self.points_margin = margin_m as f32;
     }
 
+    /// How far a radian of each joint moves what hangs on it, metres; 1 where the joint slides.
+    pub(crate) fn reaches_m(&self) -> Vec<f64> {
+        self.joints.iter().map(|joint| if joint.is_revolute { f64::from(joint.reach) } else { 1.0 }).collect()
+    }
+
+    /// Whether everything is farther than `distance_m` apart in all of these configurations.
+    pub(crate) fn is_clear_at(&self, configurations: &[&[f64]], distance_m: f32) -> bool {
+        configurations.chunks(N_LANES).all(|eight| !any_contact_at(self, eight, distance_m))
+    }
+
     /// Whether the straight way from `a` to `b` is free when looked at every `step_rad`, ends included.
     ///
     /// Stretches on which nothing comes nearer than the farthest ball can move are passed over: those are free between the looks, too.
@@ -214,6 +224,21 @@ fn any_contact_between(batch: &Batch, a: &[f64], b: &[f64], n_blocks: usize) -> 
         }
     }
     None
+}
+
+/// Whether anything comes nearer than `distance_m` in any of at most eight configurations.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2+fma", "x86_64+avx2+fma"))]
+fn any_contact_at(batch: &Batch, configurations: &[&[f64]], distance_m: f32) -> bool {
+    let n = batch.joints.len();
+    let mut q = [Lanes::splat(0.0); MAX_JOINTS];
+    for lane in 0..N_LANES {
+        // Lanes without a configuration repeat the last one.
+        let configuration = configurations[lane.min(configurations.len() - 1)];
+        for (lane_q, value) in q.iter_mut().zip(configuration) {
+            lane_q.0[lane] = *value as f32;
+        }
+    }
+    touches(batch, &q[..n], distance_m)
 }
 
 /// Stretches are split in so many when something is near.

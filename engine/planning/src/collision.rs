@@ -3,6 +3,10 @@
 //! Everything that moves with the arm is covered by balls; the robot's other bodies and the obstacles keep their exact shapes, so
 //! that one distance formula per shape answers all. The covering exceeds the arm by about 1 cm: verdicts err towards contact.
 
+mod nearest;
+
+pub use nearest::Gap;
+
 use crate::batch::{Batch, BodySpec};
 use crate::error::PlanningError;
 use crate::points::PointObstacles;
@@ -104,6 +108,8 @@ pub struct CollisionModel {
     chain: Chain,
     settings: CollisionSettings,
     hand_root: Option<String>,
+    // The link that carries the first joint: rank 0.
+    root_link: Option<String>,
     self_pairs: SelfPairs,
     moving: Vec<Moving>,
     own_bodies: Vec<Fixed>,
@@ -170,6 +176,7 @@ impl CollisionModel {
             chain,
             settings,
             hand_root: hand_root.map(str::to_owned),
+            root_link: None,
             self_pairs,
             moving: Vec::new(),
             own_bodies: Vec::new(),
@@ -398,7 +405,11 @@ impl CollisionModel {
             .iter()
             .map(|body| {
                 let own = self.own_bodies.iter().enumerate();
-                own.map(|(idx, own)| disabled(&body.name, &own.name).unwrap_or_else(|| built(body, idx))).collect()
+                let own = own.map(|(idx, own)| {
+                    let is_next = body.rank <= 2 && self.root_link.as_ref() == Some(&own.name);
+                    disabled(&body.name, &own.name).unwrap_or_else(|| is_next || built(body, idx))
+                });
+                own.collect()
             })
             .collect();
         self.guarded = self
@@ -448,6 +459,8 @@ impl CollisionModel {
         let n = self.chain.n_joints();
         let last_link = tree.links.iter().position(|l| l.name == self.chain.link_names[n - 1]);
         let hand_root = self.hand_root.clone();
+        let first = tree.links.iter().find(|l| l.name == self.chain.link_names[0]).and_then(|l| l.joint_idx);
+        self.root_link = first.map(|joint_idx| tree.links[tree.joints[joint_idx].parent_idx].name.clone());
         self.moving.retain(|m| m.group == BodyGroup::Attached);
         let attached = std::mem::take(&mut self.moving);
         self.own_bodies.clear();

@@ -2,7 +2,7 @@
 //!
 //! The way of a motion: [`CollisionModel`] says what touches what, a [`Planner`] or [`cartesian_path`] finds a path of
 //! configurations, [`retime`] rounds its corners and gives it time within the joints' limits, [`verify_exact`] looks at it once
-//! more with exact shapes, and [`CommandLimiter`] watches every command on its way to the driver.
+//! more with exact shapes, and [`SafetyFilter`] stands between every command and the driver.
 
 mod batch;
 pub mod cartesian;
@@ -10,20 +10,22 @@ pub mod collision;
 pub mod error;
 pub mod exact;
 mod lanes;
-pub mod limiter;
 pub mod planner;
 pub mod points;
+pub mod qp;
+pub mod safety;
 pub mod shapes;
 pub mod smooth;
 pub mod timing;
 
 pub use cartesian::{CartesianOutcome, CartesianSettings, CartesianStop, cartesian_path};
-pub use collision::{BodyGroup, BodySphere, CollisionModel, CollisionSettings, Contact, SelfPairs};
+pub use collision::{BodyGroup, BodySphere, CollisionModel, CollisionSettings, Contact, Gap, SelfPairs};
 pub use error::PlanningError;
 pub use exact::verify_exact;
-pub use limiter::{CommandLimiter, LimitViolation, LimiterSettings, PalmBox, stop_ramp};
 pub use planner::{PlanOutcome, Planner, RawPath, RrtConnect, RrtSettings};
 pub use points::PointObstacles;
+pub use qp::{QpError, QpSolution, QuadraticProgram, solve_qp};
+pub use safety::{FilterSettings, HandFilter, Intervention, Limit, PalmBox, SafetyFilter, Sent};
 pub use shapes::Obstacle;
 pub use smooth::SmoothPath;
 pub use timing::{TimingSettings, retime};

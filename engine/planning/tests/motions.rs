@@ -7,11 +7,10 @@ use rand_chacha::ChaCha8Rng;
 use sfg_kinematics::ik::random_q;
 use sfg_kinematics::{IkSettings, IkSolver, RobotModel, Shape};
 use sfg_planning::{
-    BodyGroup, CartesianOutcome, CartesianSettings, CartesianStop, CollisionModel, CollisionSettings, CommandLimiter,
-    LimiterSettings, Obstacle, PlanOutcome, Planner, PointObstacles, RrtConnect, RrtSettings, TimingSettings, cartesian_path,
-    retime, stop_ramp, verify_exact,
+    BodyGroup, CartesianOutcome, CartesianSettings, CartesianStop, CollisionModel, CollisionSettings, Obstacle, PlanOutcome,
+    Planner, PointObstacles, RrtConnect, RrtSettings, TimingSettings, cartesian_path, retime, verify_exact,
 };
-use sfg_types::{HandCommand, HandSide, JointTrajectory, Point, Pose, RobotCommand};
+use sfg_types::{HandSide, JointTrajectory, Point, Pose};
 use std::path::Path;
 
 const ACCEPTANCE: f64 = 1.0 / 512.0;
@@ -314,96 +313,4 @@ fn assert_within_limits(model: &RobotModel, trajectory: &JointTrajectory, fracti
     }
     assert!(trajectory.dq.last().unwrap().iter().all(|v| *v == 0.0), "ends at rest");
     share
-}
-
-fn command(q: &[f64]) -> RobotCommand {
-    RobotCommand {
-        side: HandSide::Left,
-        q: q.to_vec(),
-        dq: vec![0.0; q.len()],
-        hand: HandCommand { synergy: 0.5, manipulation: 0.0 },
-    }
-}
-
-#[track_caller]
-fn check_limiter(change: impl Fn(&mut RobotCommand), expected: Option<(&str, &str)>) {
-    let model = curi();
-    let limiter = CommandLimiter::new(model.left.chain.clone(), LimiterSettings::default());
-    let before = command(&model.left.home_q);
-    let mut next = before.clone();
-    change(&mut next);
-    let found = limiter.check(&before, &next, 0.004).err();
-    assert_eq!(found.as_ref().map(|v| (v.subject.as_str(), v.quantity)), expected, "{found:?}");
-}
-
-#[test]
-fn each_limit_stops_a_command() {
-    check_limiter(|_| (), None);
-    check_limiter(|c| c.q[0] += 0.004, None);
-    check_limiter(|c| c.q[0] += 0.02, Some(("panda_left_joint1", "velocity")));
-    check_limiter(|c| c.dq[6] = 0.05, None);
-    check_limiter(|c| c.dq[6] = 0.2, Some(("panda_left_joint7", "acceleration")));
-    check_limiter(|c| c.dq[6] = 3.0, Some(("panda_left_joint7", "velocity")));
-    check_limiter(|c| c.q[3] = 0.0, Some(("panda_left_joint4", "position")));
-    check_limiter(|c| c.q[3] = f64::NAN, Some(("panda_left_joint4", "position")));
-    check_limiter(|c| c.dq[1] = f64::INFINITY, Some(("panda_left_joint2", "velocity")));
-    check_limiter(|c| c.q.truncate(6), Some(("joint positions", "length")));
-    check_limiter(|c| c.hand.synergy = 1.2, Some(("hand synergy", "position")));
-    check_limiter(|c| c.hand.manipulation = 0.5, Some(("hand manipulation", "velocity")));
-    check_limiter(|c| c.hand.manipulation = f64::NAN, Some(("hand manipulation", "position")));
-}
-
-#[test]
-fn the_palm_may_not_leave_its_box() {
-    let model = curi();
-    let mut settings = LimiterSettings::default();
-    settings.palm_box.high_m[2] = 0.5;
-    let limiter = CommandLimiter::new(model.left.chain.clone(), settings);
-    let at_home = command(&model.left.home_q);
-    let violation = limiter.check(&at_home, &at_home, 0.004).unwrap_err();
-    assert_eq!((violation.subject.as_str(), violation.limit, violation.unit), ("palm z", 0.5, "m"));
-    assert!(violation.to_string().starts_with("palm z: position"), "{violation}");
-}
-
-#[test]
-fn timed_motions_pass_the_limiter() {
-    let model = curi();
-    let limiter = CommandLimiter::new(model.left.chain.clone(), LimiterSettings::default());
-    let mut goal = model.left.home_q.clone();
-    goal.iter_mut().for_each(|v| *v -= 0.3);
-    let settings = TimingSettings { speed_fraction: 1.0, ..TimingSettings::default() };
-    let motion = retime(&[model.left.home_q.clone(), goal], &model.left.chain, &settings, None).unwrap();
-    for i in 1..motion.q.len() {
-        let at = |i: usize| RobotCommand { dq: motion.dq[i].clone(), ..command(&motion.q[i]) };
-        limiter.check(&at(i - 1), &at(i), 0.004).unwrap();
-    }
-}
-
-#[test]
-fn the_stop_ramp_brakes_within_limits_and_stays_inside() {
-    let model = curi();
-    let limits = &model.left.chain.limits;
-    let mut rng = ChaCha8Rng::seed_from_u64(4);
-    for case in 0..50 {
-        let q = random_q(&model.left.chain, &mut rng);
-        let dq: Vec<f64> = random_q(&model.left.chain, &mut rng)
-            .iter()
-            .zip(limits)
-            .map(|(v, l)| (v / 3.1).clamp(-1.0, 1.0) * l.velocity)
-            .collect();
-        let ramp = stop_ramp(&q, &dq, limits, 0.001);
-        assert_eq!((&ramp.q[0], &ramp.dq[0].len()), (&q, &7));
-        assert!(ramp.dq.last().unwrap().iter().all(|v| *v == 0.0), "case {case}");
-        assert!(ramp.duration_secs() < 0.5, "{} s", ramp.duration_secs());
-        for i in 1..ramp.q.len() {
-            for (j, l) in limits.iter().enumerate() {
-                assert!(ramp.q[i][j] >= l.lower - 1e-9 && ramp.q[i][j] <= l.upper + 1e-9);
-                let held = ramp.q[i][j] == l.lower || ramp.q[i][j] == l.upper;
-                let ddq = (ramp.dq[i][j] - ramp.dq[i - 1][j]).abs() / 0.001;
-                assert!(held || ddq <= l.acceleration * (1.0 + 1e-9), "case {case} joint {j}: {ddq}");
-            }
-        }
-    }
-    let rest = stop_ramp(&[0.0; 7], &[0.0; 7], limits, 0.001);
-    assert_eq!((rest.q.len(), rest.duration_secs()), (1, 0.0));
 }

@@ -199,6 +199,11 @@ impl Recording {
         self.write(stage.stamp_secs, &Stage(stage))
     }
 
+    /// Records a warning among the log messages.
+    pub fn warn(&mut self, stamp_secs: f64, source: &str, text: String) {
+        self.say(stamp_secs, foxglove::messages::log::Level::Warning, source, text);
+    }
+
     fn say(&self, stamp_secs: f64, level: foxglove::messages::log::Level, name: &str, message: String) {
         let log_time_ns = nanos(stamp_secs);
         let entry = foxglove::messages::Log {

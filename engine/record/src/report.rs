@@ -63,6 +63,7 @@ mod tests {
             predicates: Vec::new(),
             judge: serde_json::Value::Null,
             stages: Vec::new(),
+            safety: sfg_types::SafetyReport::default(),
             duration_secs: 1.5,
             timings: serde_json::Value::Null,
         }

@@ -34,7 +34,7 @@ pub use observation::{CameraIntrinsics, Observation, RgbdImage};
 pub use palm_pose::{HandSide, PalmPoseCandidate, ScoreTerm};
 pub use reason::FailureReason;
 pub use robot_state::{HandCommand, HandFeedback, RobotCommand, RobotState};
-pub use run_report::{Outcome, PredicateResult, RunFailure, RunReport, StageRecord};
+pub use run_report::{Outcome, PredicateResult, RunFailure, RunReport, SafetyReport, StageRecord};
 pub use scene_inventory::{ColourName, ObjectCluster, RankedName, SceneInventory, ShapeClass};
 pub use selection::{PlannedGrasp, Rejected, RejectionReason, Selection};
 pub use synergy::SynergyCoordinates;

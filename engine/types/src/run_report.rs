@@ -2,6 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// One stage of the data path, as it went.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -76,10 +77,26 @@ pub struct RunReport {
     pub judge: serde_json::Value,
     /// The stages in the order in which they ended.
     pub stages: Vec<StageRecord>,
+    /// What the safety filter changed.
+    #[serde(default)]
+    pub safety: SafetyReport,
     /// Length of the run on the driver's clock.
     pub duration_secs: f64,
     /// Wall-clock measurements; the only part that differs between equal runs.
     pub timings: serde_json::Value,
+}
+
+/// What the safety filter did in a run.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SafetyReport {
+    /// Control periods in which a set point was sent.
+    pub periods: u64,
+    /// Set points that were changed.
+    pub interventions: u64,
+    /// The same by the limit that would have been broken.
+    pub by_limit: BTreeMap<String, u64>,
+    /// The first one, for people.
+    pub first: Option<String>,
 }
 
 /// Why a tree failed.

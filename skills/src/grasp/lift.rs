@@ -6,7 +6,7 @@ use crate::grasp::verify_grasp::grasp_evidence;
 use crate::motion::Follower;
 use crate::saved::starts_anew;
 use sfg_tree::{Action, Literal, Outcome, PortSpec, Progress, Registry, Tick};
-use sfg_types::{FailureReason, SceneInventory};
+use sfg_types::{FailureReason, ObjectCluster, SceneInventory};
 
 /// Share of the speed limits while something is being lifted.
 const LIFT_SPEED: f64 = 0.15;
@@ -27,11 +27,12 @@ impl Action<SkillContext> for Lift {
         self.empty_secs = 0.0;
         self.height_m = tick.get::<f64>("height_m")?;
         let inventory = tick.input::<SceneInventory>("inventory")?;
+        let held = tick.optional::<ObjectCluster>("object")?.map(|object| object.id);
         let context = &mut *tick.context;
         let q = context.robot.sent().q.clone();
         let mut base_from_lift = context.robot.chain().fk(&q);
         base_from_lift.translation.z += self.height_m;
-        let scene = ArmScene::new(&context.robot, &inventory, None, context.robot.synergy(), context.seed);
+        let scene = ArmScene::new(&context.robot, &inventory, held, context.robot.synergy(), context.seed);
         let planned = scene
             .straight(&q, &[base_from_lift])
             .map_err(|miss| miss.to_string())
@@ -74,6 +75,7 @@ impl Action<SkillContext> for Lift {
 pub fn register(registry: &mut Registry<SkillContext>) {
     let ports = [
         PortSpec::input::<SceneInventory>("inventory").default_key("inventory"),
+        PortSpec::input::<ObjectCluster>("object").default_key("object").optional().doc("What is held: no obstacle any more."),
         PortSpec::setting::<f64>("height_m").default_value(0.15).range(0.01, 0.5).doc("How far up, metres."),
     ];
     registry

@@ -81,8 +81,13 @@ impl Action<SkillContext> for Ready {
             }
             self.opened_secs = Some(context.robot.active_secs());
             let nothing = SceneInventory::default();
-            let motions = Self::way_home(context, inventory.as_deref().unwrap_or(&nothing));
+            let inventory = inventory.as_deref().unwrap_or(&nothing);
+            let motions = Self::way_home(context, inventory);
             let mut motions = motions.map_err(|failure| context.fail_stage("ready", failure))?;
+            // The hand may still stand about what it held; the table remains.
+            let table = SceneInventory { clusters: Vec::new(), ..inventory.clone() };
+            let guard = ArmScene::new(&context.robot, &table, None, context.robot.synergy(), context.seed).guard();
+            context.robot.guard(guard);
             motions.reverse();
             self.followers = motions.into_iter().map(Follower::new).collect();
         }

@@ -176,6 +176,7 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         };
         let start_q = context.robot.sent().q.clone();
         let key_point = reconstruction.key_point.point_in_base;
+        let guard = scene.guard();
         let outcome = match select_palm_pose(&candidates, &key_point, &start_q, &scene, pour.as_ref(), &settings) {
             Ok(selection) => {
                 let chosen = &selection.chosen;
@@ -207,6 +208,7 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         };
         let selection = Arc::new(context.finish_stage("select_palm_pose", outcome)?);
         context.kept.selection = Some(Arc::clone(&selection));
+        context.robot.guard(guard);
         tick.set_shared("selection", selection);
         Ok(())
     }).fails_with([FailureReason::NoCandidateReachable].map(FailureReason::name));

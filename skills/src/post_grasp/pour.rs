@@ -266,9 +266,10 @@ impl Action<SkillContext> for Pour {
                 tilt: time(&plan.tilt, TILT_SPEED)?,
                 clear: time(&clear, CARRY_SPEED)?,
             };
-            Ok((task.target, motions))
+            Ok((task.target, motions, scene.guard()))
         })();
-        let (target, motions) = planned.map_err(|failure| context.fail_stage("pour", failure))?;
+        let (target, motions, guard) = planned.map_err(|failure| context.fail_stage("pour", failure))?;
+        context.robot.guard(guard);
         self.target = Some(target);
         // Before the carry and after the way back the vessel does not hide the target.
         self.look(context).map_err(|failure| context.fail_stage("pour", failure))?;
