@@ -16,6 +16,7 @@ mod recorder;
 mod replay;
 mod robot;
 mod run;
+mod safety;
 mod say;
 mod scene;
 mod sensed;
@@ -116,6 +117,9 @@ enum Command {
     /// Motion planning by itself: bench.
     #[command(subcommand)]
     Plan(plan::PlanCommand),
+    /// The safety filter, measured.
+    #[command(subcommand)]
+    Safety(safety::SafetyCommand),
     /// Robots by themselves: info, ik.
     #[command(subcommand)]
     Robot(robot::RobotCommand),
@@ -254,6 +258,7 @@ fn execute(cli: Cli) -> Result<ExitCode> {
             Ok(ExitCode::SUCCESS)
         }
         Some(Command::Plan(command)) => plan::run(&command),
+        Some(Command::Safety(command)) => safety::run(&Assets::open(assets)?, &command),
         Some(Command::Robot(command)) => robot::robot(&Assets::open(assets)?, &command),
         Some(Command::Ik(command)) => robot::bench(&Assets::open(assets)?, &command),
         Some(Command::Sweep(options)) => sweep::sweep(&Assets::open(assets)?, &options),

@@ -248,3 +248,14 @@ fn timed_motions_pass_unchanged() {
         }
     }
 }
+
+#[test]
+fn a_source_that_begins_with_a_jump_is_met_and_followed() {
+    let model = curi();
+    let home = model.left.home_q.clone();
+    let mut filter = SafetyFilter::new(model.left.chain.clone(), &home, PERIOD, FilterSettings::default());
+    let done =
+        run(&mut filter, &home, 600, |period, _| Some(home.iter().map(|q| q + 0.01 + 0.3 * period as f64 * PERIOD).collect()));
+    assert!((1..500).contains(&done.n_interventions), "{} of 600", done.n_interventions);
+    assert!((done.log[602][1] - home[1] - 0.01 - 0.3 * 599.0 * PERIOD).abs() < 1e-12);
+}

@@ -69,6 +69,11 @@ pub struct SafetyFilter {
     reaches_m: Vec<f64>,
     at: Vec<Moving>,
     wanted_before: Option<Vec<f64>>,
+    /// Distance that is kept from things, metres.
+    kept_m: f64,
+    is_new_world: bool,
+    /// Joints that were where their source wanted them in the last period.
+    follows: Vec<bool>,
     is_stopped: bool,
 }
 
@@ -84,8 +89,11 @@ const SHAPE_MARGIN_M: f64 = 3e-4;
 const NEAR_M: f64 = 0.03;
 /// Gaps that are rows of the quadratic program.
 const N_GAPS: usize = 10;
-/// A distance that is broken already may not shrink by more than rounding.
-const NOT_WORSE_M: f64 = 1e-9;
+/// Distances of single precision are right to this.
+const ROUNDING_M: f64 = 1e-6;
+/// Things that are nearer than this are looked at one by one, so many times on the way to rest at most.
+const LEAST_KEPT_M: f64 = 2e-4;
+const MOST_LOOKS: usize = 24;
 
 impl SafetyFilter {
     /// For an arm at rest at `q`, commanded every `period_secs`.
@@ -102,6 +110,7 @@ impl SafetyFilter {
         }
         let brakes = chain.limits.iter().map(|limits| Brake::new(limits, period_secs)).collect();
         let reaches_m = reaches_m(&chain);
+        let settings_step_m = settings.look_step_m;
         let mut filter = Self {
             chain,
             settings,
@@ -111,6 +120,9 @@ impl SafetyFilter {
             reaches_m,
             at: Vec::new(),
             wanted_before: None,
+            kept_m: 0.5 * settings_step_m,
+            is_new_world: true,
+            follows: Vec::new(),
             is_stopped: false,
         };
         filter.reset(q);
@@ -121,6 +133,8 @@ impl SafetyFilter {
     pub fn reset(&mut self, q: &[f64]) {
         self.at = q.iter().map(|q| Moving { q: *q, v: 0.0, a: 0.0 }).collect();
         self.wanted_before = None;
+        self.follows = vec![true; q.len()];
+        self.is_new_world = true;
         self.is_stopped = false;
     }
 
@@ -134,6 +148,7 @@ impl SafetyFilter {
             self.reaches_m = world.reaches_m().iter().zip(reaches_m(&self.chain)).map(|(a, b)| a.max(b)).collect();
         }
         self.world = world;
+        self.is_new_world = true;
     }
 
     /// The arm, with the limits that are kept.
@@ -181,34 +196,47 @@ impl SafetyFilter {
                 return self.refuse(reason(&name, Limit::NotANumber, given[idx], 0.0, "rad"));
             }
         }
+        self.keep_distance();
         let before = self.wanted_before.replace(q.to_vec()).unwrap_or_else(|| q.to_vec());
         let windows: Vec<Window> = self.windows();
         let (mut broken, mut passes) = (None, true);
+        let mut follows = vec![false; n];
         let accelerations: Vec<f64> = (0..n)
             .map(|idx| {
                 let exact = self.at[idx].acceleration_to(q[idx], self.period_secs);
                 let window = &windows[idx];
                 let beyond = (window.low - exact).max(exact - window.high) * self.period_secs * self.period_secs;
-                if beyond <= ROUNDING_RAD {
+                if beyond <= ROUNDING_RAD && (self.follows[idx] || self.would_follow(idx, exact, q[idx] - before[idx])) {
+                    follows[idx] = true;
                     return exact;
                 }
                 passes = false;
-                if beyond <= self.settings.tolerance_rad {
+                if self.follows[idx] && beyond <= self.settings.tolerance_rad {
+                    follows[idx] = true;
                     return exact.clamp(window.low, window.high);
                 }
                 broken.get_or_insert_with(|| self.limit_of(idx, q[idx], exact));
                 self.tracking(idx, q[idx], before[idx], window)
             })
             .collect();
+        self.follows = follows;
         let Some(touched) = self.touched_on_the_way(&accelerations) else {
             let next = if passes { q.to_vec() } else { self.reached(&accelerations) };
             return self.go(next, Some(dq), broken).changed_from(q);
         };
+        self.follows.fill(false);
         let why = broken.unwrap_or_else(|| self.name_touch(touched));
         match self.shaped(&accelerations, &windows).filter(|shaped| self.touched_on_the_way(shaped).is_none()) {
             Some(shaped) => self.go(self.reached(&shaped), Some(dq), Some(why)).changed_from(q),
             None => self.brake(Some(why)).changed_from(q),
         }
+    }
+
+    /// Whether a joint that meets its source in this period can stay with it: one that only runs across it would swing about it.
+    fn would_follow(&self, idx: usize, exact: f64, source_step: f64) -> bool {
+        let next = self.at[idx].next(exact, self.period_secs);
+        let after = (source_step / self.period_secs - next.v) / self.period_secs;
+        (after - exact).abs() <= self.chain.limits[idx].jerk * self.period_secs
     }
 
     /// Positions after one period with these accelerations.
@@ -248,10 +276,13 @@ impl SafetyFilter {
         } else if jerk.abs() > limits.jerk * (1.0 + 1e-9) {
             reason(name, Limit::Jerk, jerk, limits.jerk.copysign(jerk), "rad/s^3")
         } else {
-            // Within all limits now, but too fast to stop before the end of its range or speed.
+            // Within all limits now, but too fast to stop before the end of its range, or still on the way to its source.
             let rest = self.brakes[idx].rest_after(at, exact);
-            let bound = if rest > 0.5 * (limits.lower + limits.upper) { limits.upper } else { limits.lower };
-            reason(name, Limit::Position, rest, bound, "rad")
+            if rest < limits.lower || rest > limits.upper {
+                let bound = if rest < limits.lower { limits.lower } else { limits.upper };
+                return reason(name, Limit::Position, rest, bound, "rad");
+            }
+            reason(name, Limit::Jerk, jerk, limits.jerk.copysign(jerk), "rad/s^3")
         }
     }
 
@@ -282,12 +313,27 @@ impl SafetyFilter {
             return Some(Touched::Wall(found));
         }
         let world = self.world.as_ref()?;
-        let met = way.first_met(world, self.settings.look_step_m)?;
-        let now: Vec<f64> = self.at.iter().map(|at| at.q).collect();
-        let Some(gap_now_m) = world.least_gap_m(&now, self.needed_m()) else { return Some(Touched::Thing(way.at(met).to_vec())) };
-        // Too near already: the way to rest may lead along or away.
+        if self.kept_m > LEAST_KEPT_M {
+            return way.first_met(world, 2.0 * self.kept_m).map(|met| Touched::Thing(way.at(met).to_vec()));
+        }
+        // Things touch, or nearly so: eight at once cannot tell by how much.
+        let looks = way.spread(MOST_LOOKS);
         let gap_m = |idx: usize| world.least_gap_m(way.at(idx), self.needed_m()).unwrap_or(f64::INFINITY);
-        (0..way.len()).find(|idx| gap_m(*idx) < gap_now_m - NOT_WORSE_M).map(|idx| Touched::Thing(way.at(idx).to_vec()))
+        looks.into_iter().find(|idx| gap_m(*idx) < self.kept_m).map(|idx| Touched::Thing(way.at(idx).to_vec()))
+    }
+
+    /// Sets the distance that is kept: what is needed, or what there is where things are nearer already. It never shrinks but by a
+    /// change of the world.
+    fn keep_distance(&mut self) {
+        let Some(world) = &self.world else { return };
+        let needed_m = self.needed_m();
+        if self.kept_m >= needed_m && !self.is_new_world {
+            return;
+        }
+        let now: Vec<f64> = self.at.iter().map(|at| at.q).collect();
+        let there_m = world.least_gap_m(&now, needed_m + ROUNDING_M).map_or(needed_m, |gap_m| gap_m - ROUNDING_M);
+        self.kept_m = if self.is_new_world { there_m } else { self.kept_m.max(there_m) };
+        self.is_new_world = false;
     }
 
     /// Walls of the palm's box, moved out to the palm where it is outside already.
@@ -337,9 +383,9 @@ impl SafetyFilter {
             Touched::Wall(found) => return found,
             Touched::Thing(q) => q,
         };
-        let contact = self.world.as_ref().and_then(|world| world.contact_within(&q, self.needed_m() + NEAR_M));
+        let contact = self.world.as_ref().and_then(|world| world.contact_within(&q, NEAR_M));
         let Some(contact) = contact else { return reason("arm", Limit::Distance, 0.0, self.needed_m(), "m") };
-        let gap_m = self.needed_m() + NEAR_M - contact.depth_m;
+        let gap_m = NEAR_M - contact.depth_m;
         let subject = format!("{} would come within {:.1} mm of {}", contact.link, gap_m.max(0.0) * 1e3, contact.with);
         reason(&subject, Limit::Distance, gap_m, self.needed_m(), "m")
     }

@@ -43,4 +43,10 @@ impl Way {
         }
         None
     }
+
+    /// At most `n` samples spread over the way, both ends among them.
+    pub(super) fn spread(&self, n: usize) -> Vec<usize> {
+        let n = n.min(self.len());
+        (0..n).map(|nth| if n > 1 { (self.len() - 1) * nth / (n - 1) } else { 0 }).collect()
+    }
 }
