@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use sfg_kinematics::{Chain, IkOutcome, IkSettings, IkSolver, Shape};
 use sfg_planning::{
     BodyGroup, CartesianOutcome, CartesianSettings, CartesianStop, CollisionModel, CollisionSettings, Obstacle, PlanOutcome,
-    Planner, RrtConnect, TimingSettings, cartesian_path, retime, verify_exact,
+    Planner, PlanningScene, RrtConnect, TimingSettings, cartesian_path, retime, verify_exact,
 };
 use sfg_types::{JointTrajectory, ObjectCluster, Point, Pose, SceneInventory, ShapeClass, SynergyCoordinates};
 use std::fmt;
@@ -28,6 +28,8 @@ const TABLE_HALF_WIDTH_M: f64 = 1.2;
 const TABLE_HALF_THICKNESS_M: f64 = 0.03;
 /// What is seen of a thing may be this much smaller than the thing.
 const OBSTACLE_MARGIN_M: f64 = 0.01;
+/// A thing seen edge on still has a thickness.
+const LEAST_HALF_M: f64 = 0.002;
 /// Spacing of exact checks before a motion is sent.
 const EXACT_STEP_RAD: f64 = 0.02;
 /// Spacing of the spheres along a held vessel.
@@ -67,7 +69,7 @@ impl<'a> ArmScene<'a> {
     /// The scene of `inventory`; `object_id` is the thing that is grasped or held. The hand has the shape `hand`.
     ///
     /// # Panics
-    /// If the robot's own model is broken: it was checked when it was loaded.
+    /// If the robot's own model is broken: it was checked when it was loaded; or if two clusters have the same id.
     #[must_use]
     pub fn new(
         robot: &'a Robot,
@@ -79,7 +81,11 @@ impl<'a> ArmScene<'a> {
         let whole_q = robot.whole_q(&robot.sent().q, hand);
         let empty = CollisionModel::new(robot.model(), robot.side(), &whole_q, CollisionSettings::default())
             .unwrap_or_else(|error| panic!("the loaded robot has a collision model: {error}"));
-        let mut others = vec![table(inventory.table_height_m)];
+        let mut scene = PlanningScene::default();
+        let add = |scene: &mut PlanningScene, thing| {
+            scene.add(thing).unwrap_or_else(|error| panic!("things seen have sizes and names of their own: {error}"));
+        };
+        add(&mut scene, table(inventory.table_height_m));
         let mut target = None;
         for cluster in &inventory.clusters {
             let name = cluster.names.first().map_or("a thing", |ranked| ranked.name.as_str());
@@ -87,16 +93,21 @@ impl<'a> ArmScene<'a> {
                 target = Some(obstacle(cluster, TARGET, inventory.table_height_m, 0.0));
             } else {
                 let name = format!("{name} {}", cluster.id);
-                others.push(obstacle(cluster, &name, inventory.table_height_m, OBSTACLE_MARGIN_M));
+                add(&mut scene, obstacle(cluster, &name, inventory.table_height_m, OBSTACLE_MARGIN_M));
             }
         }
-        let mut carrying = empty.clone();
-        carrying.set_world(&others, None);
-        others.extend(target);
-        let mut free = empty;
-        free.set_world(&others, None);
-        let mut grasping = free.clone();
-        grasping.allow(BodyGroup::Hand, TARGET);
+        let among = |scene: &PlanningScene| {
+            let mut model = empty.clone();
+            scene.apply(&mut model);
+            model
+        };
+        let carrying = among(&scene);
+        if let Some(target) = target {
+            add(&mut scene, target);
+        }
+        let free = among(&scene);
+        scene.allow(BodyGroup::Hand, TARGET);
+        let grasping = among(&scene);
         Self { robot, whole_q, free, grasping, carrying, seed }
     }
 
@@ -297,17 +308,16 @@ fn table(height_m: f64) -> Obstacle {
 fn obstacle(cluster: &ObjectCluster, name: &str, table_height_m: f64, margin_m: f64) -> Obstacle {
     let height_m = (cluster.centre_in_base.z + cluster.size_m.z / 2.0 - table_height_m).max(0.01) + margin_m;
     let centre = cluster.centre_in_base;
+    let across = |size_m: f64| (size_m / 2.0).max(LEAST_HALF_M) + margin_m;
     let upright = Pose::new(
         nalgebra::Vector3::new(centre.x, centre.y, table_height_m + height_m / 2.0),
         nalgebra::Vector3::z() * cluster.yaw_rad,
     );
     let shape = match cluster.shape {
         ShapeClass::UprightCylinder | ShapeClass::WideRound => {
-            Shape::Cylinder { radius_m: cluster.size_m.x.max(cluster.size_m.y) / 2.0 + margin_m, half_length_m: height_m / 2.0 }
+            Shape::Cylinder { radius_m: across(cluster.size_m.x.max(cluster.size_m.y)), half_length_m: height_m / 2.0 }
         }
-        _ => Shape::Cuboid {
-            half_extents_m: [cluster.size_m.x / 2.0 + margin_m, cluster.size_m.y / 2.0 + margin_m, height_m / 2.0].into(),
-        },
+        _ => Shape::Cuboid { half_extents_m: [across(cluster.size_m.x), across(cluster.size_m.y), height_m / 2.0].into() },
     };
     Obstacle { name: name.to_owned(), shape, pose_in_base: upright }
 }

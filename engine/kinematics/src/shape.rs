@@ -1,11 +1,13 @@
 //! Collision shapes of a link.
 
 use nalgebra::{Translation3, Vector3};
+use serde::{Deserialize, Serialize};
 use sfg_types::{Pose, Vector};
 use urdf_rs::Geometry;
 
 /// A shape in its own frame; cylinders and capsules lie along Z. Metres.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
     /// A box.
     Cuboid {

@@ -38,7 +38,8 @@ impl Default for CollisionSettings {
 }
 
 /// Parts of what moves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum BodyGroup {
     /// Links of the arm.
     Arm,

@@ -5,7 +5,8 @@ use sfg_kinematics::{Primitive, Shape};
 use sfg_types::{Point, Pose, Vector};
 
 /// Something in the robot's world.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Obstacle {
     /// Name for reports and for [`crate::CollisionModel::allow`], for example `table`.
     pub name: String,
