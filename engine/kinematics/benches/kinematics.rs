@@ -3,10 +3,12 @@
 //! `cargo bench -p sfg-kinematics` writes `target/bench/kinematics.json`.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a measuring program")]
 
+use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use sfg_kinematics::ik::random_q;
 use sfg_kinematics::{Chain, IkOutcome, IkSettings, IkSolver, RobotModel};
+use sfg_types::Pose;
 use std::path::Path;
 use std::time::Instant;
 
@@ -43,6 +45,9 @@ fn main() {
     ik_row["mean"] = mean.into();
     ik_row["solved"] = n_solved.into();
     rows.push(ik_row);
+    for (name, half_width_m) in [("kinematics/ik_batch_spread", None), ("kinematics/ik_batch_near", Some(0.2))] {
+        rows.extend(batch_rows(&chain, name, half_width_m));
+    }
     for row in &rows {
         println!("{row}");
     }
@@ -50,6 +55,37 @@ fn main() {
     let out = root.join("target/bench");
     std::fs::create_dir_all(&out).unwrap();
     std::fs::write(out.join("kinematics.json"), serde_json::to_string_pretty(&rows).unwrap()).unwrap();
+}
+
+/// 2000 reachable poses, anywhere or in a cube in front of the arm: one by one from random configurations, and as a batch.
+fn batch_rows(chain: &Chain, name: &str, half_width_m: Option<f64>) -> [serde_json::Value; 2] {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let centre = Vector3::new(0.45, 0.0, 0.4);
+    let is_inside = |pose: &Pose| half_width_m.is_none_or(|half| (pose.translation.vector - centre).amax() < half);
+    let poses: Vec<Pose> = std::iter::repeat_with(|| chain.fk(&random_q(chain, &mut rng))).filter(is_inside).take(2000).collect();
+    let settings = IkSettings::default();
+    let is_solved = |outcome: &IkOutcome| matches!(outcome, IkOutcome::Solved { .. });
+    let repeats = 9;
+    let mut timed = |name: String, solve: &mut dyn FnMut() -> Vec<IkOutcome>| {
+        let mut n_solved = 0;
+        let times = (0..repeats).map(|_| {
+            let start = Instant::now();
+            n_solved = solve().iter().filter(|outcome| is_solved(outcome)).count();
+            start.elapsed().as_secs_f64() * 1e6 / poses.len() as f64
+        });
+        let mut row = row(&name, "us", times.collect());
+        row["solved"] = n_solved.into();
+        row
+    };
+    let mut rng = ChaCha8Rng::seed_from_u64(2);
+    let one_by_one = timed(format!("{name}/one_by_one"), &mut || {
+        let solve = |pose| IkSolver::solve(chain, pose, &random_q(chain, &mut rng), &settings, &mut rng);
+        poses.iter().map(solve).collect()
+    });
+    let mut rng = ChaCha8Rng::seed_from_u64(2);
+    let batch =
+        timed(format!("{name}/batch"), &mut || IkSolver::solve_batch(chain, &poses, &chain.middle(), &settings, &mut rng));
+    [one_by_one, batch]
 }
 
 fn measure(inputs: &[Vec<f64>], mut work: impl FnMut(&[f64])) -> Vec<f64> {

@@ -8,6 +8,7 @@ pub mod chain;
 pub mod description;
 pub mod error;
 pub mod ik;
+mod ik_batch;
 pub mod robot;
 pub mod shape;
 pub mod srdf;
