@@ -66,7 +66,7 @@ fn batch_rows(chain: &Chain, name: &str, half_width_m: Option<f64>) -> [serde_js
     let settings = IkSettings::default();
     let is_solved = |outcome: &IkOutcome| matches!(outcome, IkOutcome::Solved { .. });
     let repeats = 9;
-    let mut timed = |name: String, solve: &mut dyn FnMut() -> Vec<IkOutcome>| {
+    let timed = |name: String, solve: &mut dyn FnMut() -> Vec<IkOutcome>| {
         let mut n_solved = 0;
         let times = (0..repeats).map(|_| {
             let start = Instant::now();

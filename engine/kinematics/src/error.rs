@@ -38,6 +38,14 @@ pub enum KinematicsError {
         /// Line, column and what is wrong.
         message: String,
     },
+    /// A file is no reachability map of the arm, or cannot be written.
+    #[error("reachability map {}: {message}", path.display())]
+    Reach {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        message: String,
+    },
     /// A key of the robot description has a value that does not fit the URDF.
     #[error("robot description {}: key {key:?}: {message}", path.display())]
     Description {

@@ -9,6 +9,7 @@ pub mod description;
 pub mod error;
 pub mod ik;
 mod ik_batch;
+pub mod reach;
 pub mod robot;
 pub mod shape;
 pub mod srdf;
