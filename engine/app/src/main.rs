@@ -12,6 +12,7 @@ mod pictures;
 mod plan;
 mod plugins;
 mod preview;
+mod reach;
 mod recorder;
 mod replay;
 mod robot;
@@ -120,7 +121,7 @@ enum Command {
     /// The safety filter, measured.
     #[command(subcommand)]
     Safety(safety::SafetyCommand),
-    /// Robots by themselves: info, ik.
+    /// Robots by themselves: info, ik, reach.
     #[command(subcommand)]
     Robot(robot::RobotCommand),
     /// Inverse kinematics by itself: bench.

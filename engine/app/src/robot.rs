@@ -1,7 +1,8 @@
-//! `sfg robot info|ik` and `sfg ik bench`: what a robot can do, without a scenario.
+//! `sfg robot info|ik|reach` and `sfg ik bench`: what a robot can do, without a scenario.
 
 use crate::assets::Assets;
 use crate::check::BadInput;
+use crate::reach::{ReachCommand, reach};
 use crate::say::say;
 use crate::statistics::wilson_interval;
 use anyhow::{Context as _, Result};
@@ -10,7 +11,7 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use sfg_kinematics::ik::random_q;
-use sfg_kinematics::{Chain, IkOutcome, IkSettings, IkSolver, JointKind, JointSource, RobotModel, Tree};
+use sfg_kinematics::{Chain, IkOutcome, IkSettings, IkSolver, JointKind, JointSource, RobotModel, Tree, joints_at_limit};
 use sfg_types::layout::PoseLayout;
 use sfg_types::{HandSide, Pose};
 use std::path::{Path, PathBuf};
@@ -28,6 +29,9 @@ pub(crate) enum RobotCommand {
     },
     /// Joint angles of an arm whose palm is at a pose; obstacles are left out.
     Ik(IkOptions),
+    /// The reachability map of an arm: build, at, slice, check.
+    #[command(subcommand)]
+    Reach(ReachCommand),
 }
 
 /// Inverse kinematics.
@@ -41,15 +45,33 @@ pub(crate) enum IkCommand {
 pub(crate) struct IkOptions {
     #[command(flatten)]
     chain: ChainOptions,
+    #[command(flatten)]
+    pose: PoseOptions,
+    /// Seed of the random starts.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+/// Where the tip shall be.
+#[derive(clap::Args)]
+pub(crate) struct PoseOptions {
     /// Place of the tip in the base link, metres.
     #[arg(long, num_args = 3, required = true, allow_negative_numbers = true, value_names = ["X", "Y", "Z"])]
     xyz_m: Vec<f64>,
     /// Its turn: roll, pitch and yaw about the fixed axes, degrees.
     #[arg(long, num_args = 3, allow_negative_numbers = true, value_names = ["ROLL", "PITCH", "YAW"], default_values_t = [0.0, 0.0, 0.0])]
     rpy_deg: Vec<f64>,
-    /// Seed of the random starts.
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
+}
+
+impl PoseOptions {
+    pub(crate) fn pose(&self) -> Result<Pose> {
+        let ([x, y, z], [roll, pitch, yaw]) = (three(&self.xyz_m), three(&self.rpy_deg));
+        if [x, y, z, roll, pitch, yaw].iter().any(|value| !value.is_finite()) {
+            return Err(BadInput("--xyz-m and --rpy-deg take finite numbers".to_owned()).into());
+        }
+        let turn = UnitQuaternion::from_euler_angles(roll.to_radians(), pitch.to_radians(), yaw.to_radians());
+        Ok(Pose::from_parts(Translation3::new(x, y, z), turn))
+    }
 }
 
 #[derive(clap::Args)]
@@ -72,19 +94,19 @@ pub(crate) struct BenchOptions {
 
 /// Which joints, from where to where.
 #[derive(clap::Args)]
-struct ChainOptions {
+pub(crate) struct ChainOptions {
     /// Name of a robot in the assets, or a URDF file together with --base and --tip.
     #[arg(long, default_value = "curi")]
-    robot: String,
+    pub(crate) robot: String,
     /// Arm of a robot in the assets.
     #[arg(long, default_value = "left", value_parser = ["left", "right"])]
-    arm: String,
+    pub(crate) arm: String,
     /// First link of the chain.
     #[arg(long, requires = "tip")]
     base: Option<String>,
     /// Last link of the chain.
     #[arg(long, requires = "base")]
-    tip: Option<String>,
+    pub(crate) tip: Option<String>,
 }
 
 enum Robot {
@@ -116,7 +138,7 @@ impl Robot {
 }
 
 /// The chain that is asked for, and a configuration in it to begin from.
-fn chain(assets: &Assets, options: &ChainOptions) -> Result<(Chain, Vec<f64>)> {
+pub(crate) fn chain(assets: &Assets, options: &ChainOptions) -> Result<(Chain, Vec<f64>)> {
     let robot = Robot::load(assets, &options.robot)?;
     let rest_q = match &robot {
         Robot::Known(model) => model.home_q.clone(),
@@ -149,6 +171,7 @@ pub(crate) fn robot(assets: &Assets, command: &RobotCommand) -> Result<ExitCode>
     match command {
         RobotCommand::Info { robot } => info(&Robot::load(assets, robot)?),
         RobotCommand::Ik(options) => return solve(assets, options),
+        RobotCommand::Reach(command) => return reach(assets, command),
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -204,12 +227,7 @@ fn info(robot: &Robot) {
 
 fn solve(assets: &Assets, options: &IkOptions) -> Result<ExitCode> {
     let (chain, seed_q) = chain(assets, &options.chain)?;
-    let ([x, y, z], [roll, pitch, yaw]) = (three(&options.xyz_m), three(&options.rpy_deg));
-    if [x, y, z, roll, pitch, yaw].iter().any(|value| !value.is_finite()) {
-        return Err(BadInput("--xyz-m and --rpy-deg take finite numbers".to_owned()).into());
-    }
-    let turn = UnitQuaternion::from_euler_angles(roll.to_radians(), pitch.to_radians(), yaw.to_radians());
-    let target = Pose::from_parts(Translation3::new(x, y, z), turn);
+    let target = options.pose.pose()?;
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     match IkSolver::solve(&chain, &target, &seed_q, &IkSettings::default(), &mut rng) {
         IkOutcome::Solved { q, iterations } => {
@@ -221,23 +239,17 @@ fn solve(assets: &Assets, options: &IkOptions) -> Result<ExitCode> {
             Ok(ExitCode::SUCCESS)
         }
         IkOutcome::Failed { best_q, position_miss_m, rotation_miss_rad } => {
-            let at_limit: Vec<&str> = chain
-                .joint_names
-                .iter()
-                .zip(best_q.iter().zip(&chain.limits))
-                .filter(|(_, (value, limits))| **value - limits.lower < 1e-6 || limits.upper - **value < 1e-6)
-                .map(|(name, _)| name.as_str())
-                .collect();
-            let at_limit =
-                if at_limit.is_empty() { String::new() } else { format!(", with {} at the limit", at_limit.join(", ")) };
-            let message = format!(
-                "the pose is not reached; the nearest misses it by {:.1} mm and {:.1} deg{at_limit}",
-                1000.0 * position_miss_m,
-                rotation_miss_rad.to_degrees()
-            );
-            Err(BadInput(message).into())
+            let miss = miss_in_words(&chain, &best_q, position_miss_m, rotation_miss_rad);
+            Err(BadInput(format!("the pose is not reached; the nearest misses it by {miss}")).into())
         }
     }
+}
+
+/// How far a configuration is from its target, and which joints stand at a limit.
+pub(crate) fn miss_in_words(chain: &Chain, q: &[f64], position_miss_m: f64, rotation_miss_rad: f64) -> String {
+    let at_limit = joints_at_limit(chain, q);
+    let at_limit = if at_limit.is_empty() { String::new() } else { format!(", with {} at the limit", at_limit.join(", ")) };
+    format!("{:.1} mm and {:.1} deg{at_limit}", 1000.0 * position_miss_m, rotation_miss_rad.to_degrees())
 }
 
 fn three(values: &[f64]) -> [f64; 3] {

@@ -1,6 +1,6 @@
 //! Inverse kinematics of many targets: each begins at solutions of near ones.
 
-use crate::chain::Chain;
+use crate::chain::{Chain, JointLimits};
 use crate::ik::{IkOutcome, IkSettings, IkSolver, random_q};
 use rand_chacha::ChaCha8Rng;
 use sfg_types::Pose;
@@ -82,6 +82,14 @@ impl IkSolver {
         }
         outcomes.into_iter().flatten().collect()
     }
+}
+
+/// Names of the joints that stand at a position limit.
+#[must_use]
+pub fn joints_at_limit(chain: &Chain, q: &[f64]) -> Vec<String> {
+    let stands_at = |value: f64, limits: &JointLimits| value - limits.lower < 1e-6 || limits.upper - value < 1e-6;
+    let all = chain.joint_names.iter().zip(q.iter().zip(&chain.limits));
+    all.filter(|(_, (value, limits))| stands_at(**value, limits)).map(|(name, _)| name.clone()).collect()
 }
 
 fn keep_nearer(nearest: &mut Option<IkOutcome>, outcome: IkOutcome) {

@@ -19,6 +19,7 @@ pub use chain::{Chain, ChainJoint, JointLimits};
 pub use description::{ArmDescription, CameraDescription, Mount, RobotDescription};
 pub use error::KinematicsError;
 pub use ik::{IkOutcome, IkSettings, IkSolver};
+pub use ik_batch::joints_at_limit;
 pub use robot::{Arm, Camera, RobotModel};
 pub use shape::{Primitive, Shape};
 pub use srdf::Srdf;

@@ -41,3 +41,30 @@ fn inverse_kinematics_is_measured_the_same_way_each_time() {
     assert!(solved("b.json").eq(first));
     sfg(folder.path(), &["ik", "bench", "--n", "0"]).refused(2, &["--n 0"]);
 }
+
+#[test]
+fn a_map_of_reach_is_built_asked_drawn_and_checked() {
+    let folder = folder();
+    let refused = ["robot", "reach", "at", "--map", "left.reach", "--xyz-m", "0.8", "0.2", "0.9"];
+    sfg(folder.path(), &refused).refused(2, &["there is no map left.reach", "sfg robot reach build"]);
+    let build = ["robot", "reach", "build", "--resolution-m", "0.25", "--map", "left.reach"];
+    let said = sfg(folder.path(), &build).ended_with(0).stdout;
+    assert!(said.contains("cells reached") && !folder.path().join("left.reach-build").exists(), "{said}");
+    let at = |xyz: [&str; 3]| {
+        let mut args = vec!["robot", "reach", "at", "--map", "left.reach", "--rpy-deg", "0", "90", "0", "--xyz-m"];
+        args.extend(xyz);
+        sfg(folder.path(), &args)
+    };
+    let said = at(["0.8", "0.2", "0.9"]).ended_with(0).stdout;
+    assert!(said.starts_with("reachable, score"), "{said}");
+    at(["1.3", "0.2", "0.9"]).refused(2, &["not reachable, score"]);
+    at(["3", "0", "1"]).refused(2, &["not reachable, score 0: no palm pose about it is"]);
+    let said = sfg(folder.path(), &["robot", "reach", "check", "--map", "left.reach", "--n", "300"]).ended_with(0).stdout;
+    assert!(said.contains("verdicts that agree: ") && said.contains("95 % interval"), "{said}");
+    sfg(folder.path(), &["robot", "reach", "slice", "--map", "left.reach", "--height-m", "0.9"]).ended_with(0);
+    assert!(std::fs::read(folder.path().join("reach.png")).unwrap().starts_with(b"\x89PNG"));
+    sfg(folder.path(), &["robot", "reach", "slice", "--map", "left.reach", "--height-m", "9"]).refused(2, &["outside the map"]);
+    sfg(folder.path(), &["robot", "reach", "slice", "--map", "left.reach", "--arm", "right", "--height-m", "1"])
+        .refused(2, &["was built for another arm", "build it again"]);
+    sfg(folder.path(), &["robot", "reach", "build", "--resolution-m", "0"]).refused(2, &["--resolution-m"]);
+}

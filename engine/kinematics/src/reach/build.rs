@@ -83,6 +83,19 @@ impl ReachBuild {
         self.map.header.is_complete
     }
 
+    /// Whether both builds are of the same grid, from the same seed.
+    #[must_use]
+    pub fn is_like(&self, other: &Self) -> bool {
+        let of = |build: &Self| ReachHeader { n_reached: 0, n_passes: 0, is_complete: false, ..build.map.header.clone() };
+        of(self) == of(other)
+    }
+
+    /// Voxels that a pass goes through.
+    #[must_use]
+    pub fn n_voxels(&self) -> usize {
+        self.map.masks.len()
+    }
+
     /// The map as far as it is built.
     #[must_use]
     pub fn map(&self) -> &ReachMap {
