@@ -4,12 +4,13 @@ use crate::post_grasp::pour_path::VesselShape;
 use crate::robot::Robot;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
-use sfg_kinematics::{Chain, IkOutcome, IkSettings, IkSolver, Shape};
+use sfg_kinematics::reach::ReachMap;
+use sfg_kinematics::{Chain, IkOutcome, IkSettings, IkSolver, Shape, joints_at_limit};
 use sfg_planning::{
     BodyGroup, CartesianOutcome, CartesianSettings, CartesianStop, CollisionModel, CollisionSettings, Obstacle, PlanOutcome,
     Planner, PlanningScene, RrtConnect, TimingSettings, cartesian_path, retime, verify_exact,
 };
-use sfg_types::{JointTrajectory, ObjectCluster, Point, Pose, SceneInventory, ShapeClass, SynergyCoordinates};
+use sfg_types::{JointTrajectory, ObjectCluster, Point, Pose, RejectionReason, SceneInventory, ShapeClass, SynergyCoordinates};
 use std::fmt;
 
 /// Share of the speed limits away from things.
@@ -35,15 +36,32 @@ const EXACT_STEP_RAD: f64 = 0.02;
 /// Spacing of the spheres along a held vessel.
 const VESSEL_STEP_M: f64 = 0.02;
 
-/// How a straight motion ended early.
+/// How the arm missed a pose, or how a motion ended early.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Miss {
     /// Distance from where the arm could go to where it should, metres; 0 when it was not the reach that failed.
     pub position_m: f64,
+    /// The angle between, radians.
+    pub rotation_rad: f64,
+    /// Joints that stood at a position limit there.
+    pub at_limit: Vec<String>,
     /// Waypoints that were reached.
     pub n_reached: usize,
     /// Why, for people.
     pub why: String,
+}
+
+impl Miss {
+    /// As the reason why a key pose cannot be used.
+    #[must_use]
+    pub fn rejection(self, key_pose: &str) -> RejectionReason {
+        RejectionReason::NoInverseKinematics {
+            key_pose: key_pose.to_owned(),
+            miss_m: self.position_m,
+            miss_rad: self.rotation_rad,
+            at_limit: self.at_limit,
+        }
+    }
 }
 
 impl fmt::Display for Miss {
@@ -128,17 +146,48 @@ impl<'a> ArmScene<'a> {
     /// Up to `n` arm configurations with the palm at `base_from_palm`, nearest to `near_q` first.
     ///
     /// # Errors
-    /// The smallest position miss, metres.
-    pub fn configurations(&self, base_from_palm: &Pose, near_q: &[f64], n: usize) -> Result<Vec<Vec<f64>>, f64> {
+    /// The nearest miss.
+    pub fn configurations(&self, base_from_palm: &Pose, near_q: &[f64], n: usize) -> Result<Vec<Vec<f64>>, Miss> {
         let settings = IkSettings { max_starts: IK_STARTS, ..IkSettings::default() };
         let found = IkSolver::solve_several(self.chain(), base_from_palm, near_q, n, &settings, &mut self.rng());
         if !found.is_empty() {
             return Ok(found);
         }
-        match IkSolver::solve(self.chain(), base_from_palm, near_q, &settings, &mut self.rng()) {
-            IkOutcome::Solved { q, .. } => Ok(vec![q]),
-            IkOutcome::Failed { position_miss_m, .. } => Err(position_miss_m),
+        self.configuration(base_from_palm, near_q, &settings).map(|q| vec![q])
+    }
+
+    fn configuration(&self, base_from_palm: &Pose, near_q: &[f64], settings: &IkSettings) -> Result<Vec<f64>, Miss> {
+        match IkSolver::solve(self.chain(), base_from_palm, near_q, settings, &mut self.rng()) {
+            IkOutcome::Solved { q, .. } => Ok(q),
+            IkOutcome::Failed { best_q, position_miss_m, rotation_miss_rad } => Err(Miss {
+                position_m: position_miss_m,
+                rotation_rad: rotation_miss_rad,
+                at_limit: joints_at_limit(self.chain(), &best_q),
+                n_reached: 0,
+                why: "out of reach".to_owned(),
+            }),
         }
+    }
+
+    /// The reach score of a palm pose, 0 to 1, where the robot has a map.
+    #[must_use]
+    pub fn reach_score(&self, base_from_palm: &Pose) -> Option<f64> {
+        self.reach().map(|map| map.score(self.chain(), base_from_palm))
+    }
+
+    /// The nearest miss of a palm pose that is hopeless: the map knows no reached pose about it, and a few descents find none either.
+    /// `None` without a map.
+    #[must_use]
+    pub fn hopeless(&self, base_from_palm: &Pose, near_q: &[f64]) -> Option<Miss> {
+        if self.reach_score(base_from_palm)? > 0.0 {
+            return None;
+        }
+        let settings = IkSettings { max_starts: HOPELESS_STARTS, ..IkSettings::default() };
+        self.configuration(base_from_palm, near_q, &settings).err()
+    }
+
+    fn reach(&self) -> Option<&ReachMap> {
+        self.robot.reach()
     }
 
     /// Configurations along straight palm motions from `start_q` through `waypoints`, the start first.
@@ -148,12 +197,15 @@ impl<'a> ArmScene<'a> {
     pub fn straight(&self, start_q: &[f64], waypoints: &[Pose]) -> Result<Vec<Vec<f64>>, Miss> {
         match cartesian_path(self.chain(), start_q, waypoints, &CartesianSettings::default(), None) {
             CartesianOutcome::Found(path) => Ok(path),
-            CartesianOutcome::Stopped { waypoint_idx, stop, .. } => {
-                let position_m = match &stop {
-                    CartesianStop::Unreachable { position_miss_m, .. } => *position_miss_m,
-                    _ => 0.0,
+            CartesianOutcome::Stopped { path, waypoint_idx, stop, .. } => {
+                let (position_m, rotation_rad, at_limit) = match &stop {
+                    CartesianStop::Unreachable { position_miss_m, rotation_miss_rad } => {
+                        let last_q = path.last().map_or(start_q, Vec::as_slice);
+                        (*position_miss_m, *rotation_miss_rad, joints_at_limit(self.chain(), last_q))
+                    }
+                    _ => (0.0, 0.0, Vec::new()),
                 };
-                Err(Miss { position_m, n_reached: waypoint_idx, why: why(&stop) })
+                Err(Miss { position_m, rotation_rad, at_limit, n_reached: waypoint_idx, why: why(&stop) })
             }
         }
     }
@@ -172,13 +224,14 @@ impl<'a> ArmScene<'a> {
             let share = step as f64 / n_steps as f64;
             let on_line: Vec<f64> = start_q.iter().zip(goal_q).map(|(a, b)| a + share * (b - a)).collect();
             let wanted = bend(share, &self.palm_pose(&on_line));
-            let miss = |position_m, why: &str| Miss { position_m, n_reached: step - 1, why: why.to_owned() };
-            let q = match IkSolver::solve(self.chain(), &wanted, &on_line, &settings, &mut self.rng()) {
-                IkOutcome::Solved { q, .. } => q,
-                IkOutcome::Failed { position_miss_m, .. } => return Err(miss(position_miss_m, "out of reach on the way")),
-            };
+            let q = self.configuration(&wanted, &on_line, &settings).map_err(|miss| Miss {
+                n_reached: step - 1,
+                why: "out of reach on the way".to_owned(),
+                ..miss
+            })?;
             if gap(&path[step - 1], &q) > MAX_BENT_JUMP_RAD {
-                return Err(miss(0.0, "a joint would have to jump"));
+                let why = "a joint would have to jump".to_owned();
+                return Err(Miss { position_m: 0.0, rotation_rad: 0.0, at_limit: Vec::new(), n_reached: step - 1, why });
             }
             path.push(q);
         }
@@ -282,6 +335,8 @@ const SLOWER: f64 = 0.6;
 
 /// Descents of the inverse kinematics for one palm pose: CURI's mounting leaves nearly every pose several solutions.
 const IK_STARTS: usize = 24;
+/// Descents for a palm pose about which the map knows nothing that is reached: enough for the nearest miss.
+const HOPELESS_STARTS: usize = 4;
 
 fn why(stop: &CartesianStop) -> String {
     match stop {

@@ -4,6 +4,7 @@
 //! rest along a ramp, so that a halted node needs no clean-up to be safe.
 
 use crate::context::SkillFailure;
+use sfg_kinematics::reach::ReachMap;
 use sfg_kinematics::{Chain, RobotModel};
 use sfg_planning::{CollisionModel, CollisionSettings, FilterSettings, HandFilter, Intervention, Limit, SafetyFilter};
 use sfg_plugin::{Driver, PluginError, SelfSphere};
@@ -11,6 +12,7 @@ use sfg_synergy::SynergySpace;
 use sfg_types::{
     FailureReason, HandCommand, HandSide, JointTrajectory, Observation, Point, Pose, RobotCommand, RobotState, SynergyCoordinates,
 };
+use std::sync::Arc;
 
 /// Why the robot did not take a step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -42,6 +44,7 @@ pub struct Robot {
     is_driver_stopped: bool,
     max_speed_fraction: f64,
     n_held: u64,
+    reach: Option<Arc<ReachMap>>,
 }
 
 /// Points this far outside the body still count as the robot's own: calibration and depth noise.
@@ -97,6 +100,7 @@ impl Robot {
             is_driver_stopped: false,
             max_speed_fraction,
             n_held: 0,
+            reach: None,
         };
         let alone = CollisionModel::new(&robot.model, robot.side, &robot.whole_q(&robot.sent.q, robot.synergy()), guarding())
             .unwrap_or_else(|error| panic!("the loaded robot has a collision model: {error}"));
@@ -130,6 +134,19 @@ impl Robot {
     /// What the safety filter changed since this was asked last, each with the driver's time.
     pub fn take_interventions(&mut self) -> Vec<(f64, Intervention)> {
         std::mem::take(&mut self.interventions)
+    }
+
+    /// Tells hopeless palm poses by this map of the acting arm; without one every pose is tried.
+    #[must_use]
+    pub fn with_reach(mut self, reach: Option<Arc<ReachMap>>) -> Self {
+        self.reach = reach;
+        self
+    }
+
+    /// The acting arm's reachability map, if there is one.
+    #[must_use]
+    pub fn reach(&self) -> Option<&ReachMap> {
+        self.reach.as_deref()
     }
 
     /// Largest share of the joint speed limits that a planned motion may use.

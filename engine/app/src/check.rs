@@ -1,10 +1,11 @@
 //! A scenario with everything that it names found and fitting.
 
 use crate::assets::Assets;
-use crate::{plugins, scene, sensed};
+use crate::{plugins, reach, scene, sensed};
 use anyhow::{Context as _, Result};
 use sfg_driver_sim::world::{ArgKind, PREDICATES};
 use sfg_kinematics::RobotModel;
+use sfg_kinematics::reach::ReachMap;
 use sfg_plugin_host::Contract;
 use sfg_scenario::{
     Mistake, ObjectShape, Scenario, ScenarioErrors, ScenarioTests, SceneObject, Settings, Severity, Vocabulary, XmlTree,
@@ -14,6 +15,7 @@ use sfg_synergy::SynergySpace;
 use sfg_tree::{Literal, Registry, nearest};
 use sfg_types::{FailureReason, HandProfile};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Something the user gave is wrong: told apart from a broken environment by its exit code.
 #[derive(Debug, thiserror::Error)]
@@ -25,6 +27,8 @@ pub(crate) struct Checked {
     pub(crate) scenario: Scenario,
     pub(crate) registry: Registry<SkillContext>,
     pub(crate) model: RobotModel,
+    /// Map of the acting arm, if one lies beside the robot.
+    pub(crate) reach: Option<Arc<ReachMap>>,
 }
 
 impl Checked {
@@ -44,7 +48,8 @@ impl Checked {
         if !mistakes.is_empty() {
             return Err(refused(&scenario.errors(mistakes)).into());
         }
-        Ok(Self { scenario, registry, model })
+        let reach = reach::for_run(robot, &model, scenario.arm)?.map(Arc::new);
+        Ok(Self { scenario, registry, model, reach })
     }
 
     /// Loads a scenario, or a tree in XML with the scenario `scene` around it.
@@ -70,9 +75,9 @@ impl Checked {
             (Err(error), _) => return Err(error.into()),
             (_, Err(error)) => return Err(error),
         };
-        let (tree, Self { scenario, registry, model }) = checked;
+        let (tree, Self { scenario, registry, model, reach }) = checked;
         let scenario = scenario.with_tree(tree, &registry).map_err(|errors| refused(&errors))?;
-        Ok(Self { scenario, registry, model })
+        Ok(Self { scenario, registry, model, reach })
     }
 
     /// How many nodes the scenario's tree has.

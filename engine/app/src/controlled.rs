@@ -81,6 +81,7 @@ fn run_with(control: Control, act: impl FnOnce(&User)) -> (RunReport, Option<sfg
                 registry: &checked.registry,
                 assets: &assets,
                 model: &checked.model,
+                reach: checked.reach.clone(),
                 instruction: checked.scenario.instruction.as_ref().unwrap().value.clone(),
                 seed: 5,
                 folder: Some(run_folder.clone()),

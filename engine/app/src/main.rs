@@ -336,6 +336,7 @@ fn run_checked(
         registry: &checked.registry,
         assets,
         model: &checked.model,
+        reach: checked.reach.clone(),
         instruction,
         seed: options.seed,
         folder: Some(folder.clone()),

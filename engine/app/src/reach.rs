@@ -12,7 +12,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use sfg_kinematics::ik::random_q;
 use sfg_kinematics::reach::{ReachBuild, ReachMap, ReachSettings};
-use sfg_kinematics::{Chain, IkOutcome, IkSettings, IkSolver};
+use sfg_kinematics::{Chain, IkOutcome, IkSettings, IkSolver, RobotModel};
 use sfg_render::Picture;
 use sfg_types::{HandSide, Point, Pose};
 use std::path::{Path, PathBuf};
@@ -92,6 +92,17 @@ pub(crate) struct CheckOptions {
 /// The file where runs look for the map of a robot's arm.
 pub(crate) fn beside(robot: &Path, side: HandSide) -> PathBuf {
     robot.with_extension(format!("{}.reach", side.name()))
+}
+
+/// The map that lies beside a robot's description.
+///
+/// A map that does not fit is refused rather than passed over: with it a run may decide otherwise than its user expects.
+pub(crate) fn for_run(robot: &Path, model: &RobotModel, side: HandSide) -> Result<Option<ReachMap>> {
+    let path = beside(robot, side);
+    if !path.exists() {
+        return Ok(None);
+    }
+    Ok(Some(ReachMap::load(&path, model.arm_chain(side)).map_err(|error| BadInput(error.to_string()))?))
 }
 
 /// Chain and file that are asked for.

@@ -26,6 +26,7 @@ fn pour(folder: &Path, stop_at: Option<u32>, resumed: Option<&Stopped>) -> RunRe
         registry: &checked.registry,
         assets: &assets,
         model: &checked.model,
+        reach: checked.reach.clone(),
         instruction: checked.scenario.instruction.as_ref().unwrap().value.clone(),
         seed: 3,
         folder: Some(folder.to_owned()),

@@ -13,6 +13,7 @@ use anyhow::{Context as _, Result};
 use sfg_driver_sim::world::{GraspAsked, JudgeHandle, Predicate, SceneSpec, Viewpoint};
 use sfg_driver_sim::{SimDriver, SimOptions};
 use sfg_kinematics::RobotModel;
+use sfg_kinematics::reach::ReachMap;
 use sfg_monitor::{Control, Go};
 use sfg_planning::{FilterSettings, PalmBox};
 use sfg_record::{PageParts, Tap};
@@ -28,6 +29,7 @@ use sfg_types::{
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -50,6 +52,8 @@ pub(crate) struct RunRequest<'a> {
     pub(crate) assets: &'a Assets,
     /// Robot of the scenario.
     pub(crate) model: &'a RobotModel,
+    /// Reachability map of the acting arm, where there is one.
+    pub(crate) reach: Option<Arc<ReachMap>>,
     /// What the user says.
     pub(crate) instruction: Instruction,
     /// Seed of everything random.
@@ -110,7 +114,8 @@ pub(crate) fn run(request: &RunRequest<'_>) -> Result<RunReport> {
             high_m: [workspace.x_m.max, workspace.y_m.max, workspace.z_m.max],
         };
     }
-    let robot = Robot::new(Box::new(driver), request.model.clone(), synergy.clone(), settings, limits.max_joint_speed_fraction)?;
+    let robot = Robot::new(Box::new(driver), request.model.clone(), synergy.clone(), settings, limits.max_joint_speed_fraction)?
+        .with_reach(request.reach.clone());
     let context =
         plugins::PluginSetting { assets: request.assets, profile: &profile, scenario: request.scenario, seed: request.seed };
     let mut skills = SkillContext {

@@ -30,6 +30,7 @@ pub(super) fn run_watched(text: &str, simulator: Simulator<'_>, watch: &dyn Fn(&
         registry: &checked.registry,
         assets: &assets,
         model: &checked.model,
+        reach: checked.reach.clone(),
         instruction: checked.scenario.instruction.as_ref().unwrap().value.clone(),
         seed: 5,
         folder: None,

@@ -216,6 +216,7 @@ fn run_unit(checked: &Checked, assets: &Assets, instruction: &Instruction, seed:
         registry: &checked.registry,
         assets,
         model: &checked.model,
+        reach: checked.reach.clone(),
         instruction: instruction.clone(),
         seed,
         folder: None,

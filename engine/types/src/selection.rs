@@ -18,8 +18,14 @@ pub enum RejectionReason {
     NoInverseKinematics {
         /// Which pose: `grasp`, `standoff`, `lift`, `carry`, `tilt`.
         key_pose: String,
-        /// Smallest position error over the attempts, metres.
+        /// Position error of the nearest attempt, metres.
         miss_m: f64,
+        /// Its rotation error, radians.
+        #[serde(default)]
+        miss_rad: f64,
+        /// Joints that stood at a position limit in it.
+        #[serde(default)]
+        at_limit: Vec<String>,
     },
     /// Reaching it would touch something.
     Collision {
@@ -46,8 +52,15 @@ impl fmt::Display for RejectionReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::TableClearance { clearance_m } => write!(f, "the closed hand misses the table by {clearance_m:.3} m"),
-            Self::NoInverseKinematics { key_pose, miss_m } => {
-                write!(f, "no arm configuration reaches the {key_pose} pose, best misses by {miss_m:.3} m")
+            Self::NoInverseKinematics { key_pose, miss_m, miss_rad, at_limit } => {
+                write!(f, "no arm configuration reaches the {key_pose} pose, best misses by {miss_m:.3} m")?;
+                if *miss_rad > 0.0 {
+                    write!(f, " and {:.1} deg", miss_rad.to_degrees())?;
+                }
+                if !at_limit.is_empty() {
+                    write!(f, " with {} at the limit", at_limit.join(", "))?;
+                }
+                Ok(())
             }
             Self::Collision { key_pose, with } => write!(f, "{with} at the {key_pose} pose"),
             Self::NoPath { segment } => write!(f, "no path found for the {segment}"),
@@ -88,4 +101,26 @@ pub struct Selection {
     pub chosen: PlannedGrasp,
     /// The other candidates, by index.
     pub rejected: Vec<Rejected>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_miss_names_how_far_and_which_joint_and_older_reports_are_still_read() {
+        let old: RejectionReason =
+            serde_json::from_str(r#"{"why": "no_inverse_kinematics", "key_pose": "lift", "miss_m": 0.042}"#)
+                .unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(old.to_string(), "no arm configuration reaches the lift pose, best misses by 0.042 m");
+        let new = RejectionReason::NoInverseKinematics {
+            key_pose: "grasp".to_owned(),
+            miss_m: 0.0421,
+            miss_rad: 0.1,
+            at_limit: vec!["joint4".to_owned(), "joint6".to_owned()],
+        };
+        let expected =
+            "no arm configuration reaches the grasp pose, best misses by 0.042 m and 5.7 deg with joint4, joint6 at the limit";
+        assert_eq!(new.to_string(), expected);
+    }
 }

@@ -3,7 +3,7 @@
 //! A grasp is worth nothing when the arm cannot do the task with it. So each candidate is followed through its key poses
 //! (stand-off, grasp, lift, and for pouring carry and tilt) before it is chosen, and each rejection names the pose that failed.
 
-use crate::arm::{ArmScene, Miss, PLAN_SPEED};
+use crate::arm::{ArmScene, PLAN_SPEED};
 use crate::context::{SkillContext, SkillFailure, StageNote, hash_of};
 use crate::grasp::reconstruct_object::Reconstruction;
 use crate::grasp::synthesize_grasp::arrival_shape;
@@ -36,6 +36,8 @@ impl Default for SelectionSettings {
 
 /// The first candidate, best first, that the arm can reach and use.
 ///
+/// With a reachability map, candidates that it holds for hopeless cost a few descents instead of all; the choice is the same.
+///
 /// # Errors
 /// Every candidate with the reason of its rejection when none can be used.
 pub fn select_palm_pose(
@@ -46,21 +48,37 @@ pub fn select_palm_pose(
     pour: Option<&PourTask>,
     settings: &SelectionSettings,
 ) -> Result<Selection, Vec<Rejected>> {
-    let mut rejected = Vec::new();
+    // What the map holds for hopeless is passed over at first; when nothing else can be used, inverse kinematics decides there too.
+    let mut rejected: Vec<Rejected> = Vec::new();
+    let mut passed_over: Vec<Rejected> = Vec::new();
+    let hopeless = |candidate: &PalmPoseCandidate| scene.hopeless(&candidate.base_from_palm, start_q);
+    let follow = |candidate: &PalmPoseCandidate| follow_through(candidate, key_point_in_base, start_q, scene, pour, settings);
+    let mut chosen = None;
     for (candidate_idx, candidate) in candidates.iter().enumerate() {
-        match follow_through(candidate, key_point_in_base, start_q, scene, pour, settings) {
-            Ok((base_from_standoff, transit, approach)) => {
-                rejected.extend(
-                    (candidate_idx + 1..candidates.len())
-                        .map(|candidate_idx| Rejected { candidate_idx, reason: RejectionReason::RankedLower }),
-                );
-                let chosen = PlannedGrasp { candidate_idx, candidate: candidate.clone(), base_from_standoff, transit, approach };
-                return Ok(Selection { chosen, rejected });
+        if chosen.is_some() {
+            rejected.push(Rejected { candidate_idx, reason: RejectionReason::RankedLower });
+        } else if let Some(miss) = hopeless(candidate) {
+            passed_over.push(Rejected { candidate_idx, reason: miss.rejection("grasp") });
+        } else {
+            match follow(candidate) {
+                Ok(plan) => chosen = Some((candidate_idx, plan)),
+                Err(reason) => rejected.push(Rejected { candidate_idx, reason }),
             }
-            Err(reason) => rejected.push(Rejected { candidate_idx, reason }),
         }
     }
-    Err(rejected)
+    for one in passed_over {
+        match chosen {
+            Some(_) => rejected.push(one),
+            None => match follow(&candidates[one.candidate_idx]) {
+                Ok(plan) => chosen = Some((one.candidate_idx, plan)),
+                Err(reason) => rejected.push(Rejected { reason, ..one }),
+            },
+        }
+    }
+    rejected.sort_by_key(|one| one.candidate_idx);
+    let Some((candidate_idx, (base_from_standoff, transit, approach))) = chosen else { return Err(rejected) };
+    let candidate = candidates[candidate_idx].clone();
+    Ok(Selection { chosen: PlannedGrasp { candidate_idx, candidate, base_from_standoff, transit, approach }, rejected })
 }
 
 type Motion = sfg_types::JointTrajectory;
@@ -79,9 +97,8 @@ fn follow_through(
     if distance_m > settings.max_key_point_distance_m {
         return Err(RejectionReason::FarFromKeyPoint { distance_m });
     }
-    let grasp_qs = scene
-        .configurations(&base_from_grasp, start_q, settings.n_configurations)
-        .map_err(|miss_m| RejectionReason::NoInverseKinematics { key_pose: "grasp".to_owned(), miss_m })?;
+    let grasp_qs =
+        scene.configurations(&base_from_grasp, start_q, settings.n_configurations).map_err(|miss| miss.rejection("grasp"))?;
     let base_from_standoff = base_from_grasp * Pose::translation(0.0, 0.0, -settings.standoff_m);
     let mut furthest: Option<(usize, RejectionReason)> = None;
     for grasp_q in &grasp_qs {
@@ -107,16 +124,11 @@ fn follow_configuration(
     pour: Option<&PourTask>,
     settings: &SelectionSettings,
 ) -> Result<(Motion, Motion), (usize, RejectionReason)> {
-    let unreachable = |key_pose: &str, miss: &Miss| RejectionReason::NoInverseKinematics {
-        key_pose: key_pose.to_owned(),
-        miss_m: miss.position_m,
-    };
     let collision = |key_pose: &str, with: String| RejectionReason::Collision { key_pose: key_pose.to_owned(), with };
     if let Some(with) = scene.touches_at_grasp(grasp_q) {
         return Err((0, collision("grasp", with)));
     }
-    let mut approach_path =
-        scene.straight(grasp_q, &[*base_from_standoff]).map_err(|miss| (1, unreachable("standoff", &miss)))?;
+    let mut approach_path = scene.straight(grasp_q, &[*base_from_standoff]).map_err(|miss| (1, miss.rejection("standoff")))?;
     let standoff_q = approach_path[approach_path.len() - 1].clone();
     if let Some(with) = scene.touches(&standoff_q) {
         return Err((1, collision("standoff", with)));
@@ -126,7 +138,7 @@ fn follow_configuration(
     }
     let mut base_from_lift = *base_from_grasp;
     base_from_lift.translation.z += settings.lift_m;
-    let lift_path = scene.straight(grasp_q, &[base_from_lift]).map_err(|miss| (2, unreachable("lift", &miss)))?;
+    let lift_path = scene.straight(grasp_q, &[base_from_lift]).map_err(|miss| (2, miss.rejection("lift")))?;
     if let Some(with) = lift_path.iter().find_map(|q| scene.touches_at_grasp(q)) {
         return Err((2, collision("lift", with)));
     }
@@ -177,6 +189,9 @@ pub fn register(registry: &mut Registry<SkillContext>) {
         let start_q = context.robot.sent().q.clone();
         let key_point = reconstruction.key_point.point_in_base;
         let guard = scene.guard();
+        let scores = |candidates: &[PalmPoseCandidate]| {
+            candidates.iter().map(|candidate| scene.reach_score(&candidate.base_from_palm)).collect::<Option<Vec<f64>>>()
+        };
         let outcome = match select_palm_pose(&candidates, &key_point, &start_q, &scene, pour.as_ref(), &settings) {
             Ok(selection) => {
                 let chosen = &selection.chosen;
@@ -194,7 +209,7 @@ pub fn register(registry: &mut Registry<SkillContext>) {
                         chosen.candidate.stability
                     ),
                     input_sha256: hash_of(&(&*candidates, &start_q)),
-                    details: serde_json::json!({"chosen": chosen.candidate_idx, "candidate": chosen.candidate, "rejected": selection.rejected}),
+                    details: serde_json::json!({"chosen": chosen.candidate_idx, "candidate": chosen.candidate, "reach_scores": scores(&candidates), "rejected": selection.rejected}),
                 };
                 Ok((selection, note))
             }

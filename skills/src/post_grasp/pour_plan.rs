@@ -133,7 +133,7 @@ type Missed = (usize, RejectionReason);
 
 /// Straight along `way`, each step from the one before.
 fn keep_posture(scene: &ArmScene<'_>, carrying: &CollisionModel, lift_q: &[f64], way: &PourWay) -> Result<PourPlan, Missed> {
-    let carry = scene.straight(lift_q, &way.carry_poses).map_err(|miss| unreachable(0, "carry", &miss))?;
+    let carry = scene.straight(lift_q, &way.carry_poses).map_err(|miss| unreachable(0, "carry", miss))?;
     let tilt = tilt(scene, &carry[carry.len() - 1], way)?;
     free(carrying, way, carry, tilt)
 }
@@ -156,12 +156,12 @@ fn change_posture(
             let turn = UnitQuaternion::rotation_between(&axis_in_base(base_from_palm), &leaning).unwrap_or_default();
             Pose::from_parts(base_from_palm.translation, turn * base_from_palm.rotation)
         })
-        .map_err(|miss| unreachable(1, "carry", &miss))?;
+        .map_err(|miss| unreachable(1, "carry", miss))?;
     free(carrying, way, carry, tilt)
 }
 
 fn tilt(scene: &ArmScene<'_>, from_q: &[f64], way: &PourWay) -> Result<Vec<Vec<f64>>, Missed> {
-    scene.straight(from_q, &way.tilt_poses).map_err(|miss| unreachable(1 + miss.n_reached, "tilt", &miss))
+    scene.straight(from_q, &way.tilt_poses).map_err(|miss| unreachable(1 + miss.n_reached, "tilt", miss))
 }
 
 /// The plan if nothing is touched on it.
@@ -176,8 +176,8 @@ fn free(carrying: &CollisionModel, way: &PourWay, carry: Vec<Vec<f64>>, tilt: Ve
     Ok(PourPlan { carry, tilt, heading_rad: way.heading_rad })
 }
 
-fn unreachable(n_passed: usize, key_pose: &str, miss: &Miss) -> Missed {
-    (n_passed, RejectionReason::NoInverseKinematics { key_pose: key_pose.to_owned(), miss_m: miss.position_m })
+fn unreachable(n_passed: usize, key_pose: &str, miss: Miss) -> Missed {
+    (n_passed, miss.rejection(key_pose))
 }
 
 /// Palm poses from `from` to `to`: first at the greater height of the two, then down, so that a full vessel passes over things.
