@@ -68,3 +68,52 @@ fn a_map_of_reach_is_built_asked_drawn_and_checked() {
         .refused(2, &["was built for another arm", "build it again"]);
     sfg(folder.path(), &["robot", "reach", "build", "--resolution-m", "0"]).refused(2, &["--resolution-m"]);
 }
+
+/// The shared scenario up to the choice of the palm pose, with the bottle at the far right of the left arm: nothing moves.
+fn far_right() -> String {
+    let text = include_str!("../scenarios/lift.yaml").replace("x_m: 0.80, y_m: 0.30", "x_m: 0.80, y_m: -0.50");
+    let (before, after) = text.split_once("        - synthesize_grasp\n").unwrap();
+    format!("{before}success:{}", after.split_once("success:").unwrap().1)
+}
+
+#[test]
+fn a_run_chooses_the_same_palm_pose_with_a_map_and_refuses_one_that_does_not_fit() {
+    let folder = folder();
+    let assets = folder.path().join("assets");
+    for part in ["robots", "objects"] {
+        let from = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios").join(part);
+        std::fs::create_dir_all(assets.join(part)).unwrap();
+        for file in std::fs::read_dir(from).unwrap().map(Result::unwrap).filter(|file| file.path().is_file()) {
+            std::fs::copy(file.path(), assets.join(part).join(file.file_name())).unwrap();
+        }
+    }
+    let map = assets.join("robots/curi.left.reach");
+    let _unused = std::fs::remove_file(&map);
+    std::fs::write(folder.path().join("right.yaml"), far_right()).unwrap();
+    let instruction = ["--instruction", "Pick up the blue glass."];
+    let selected = |out: &str| {
+        let args = ["--assets", "assets", "run", "right.yaml", "--no-recording", "--out", out];
+        sfg(folder.path(), &[&args[..], &instruction[..]].concat());
+        let report = read_json(&folder.path().join(out).join("report.json"));
+        let stages = report["stages"].as_array().unwrap();
+        stages.iter().find(|stage| stage["stage"] == "select_palm_pose").unwrap()["details"].clone()
+    };
+    let without = selected("without");
+    sfg(folder.path(), &["--assets", "assets", "robot", "reach", "build", "--resolution-m", "0.25"]).ended_with(0);
+    let with = selected("with");
+    assert!(without["reach_scores"].is_null() && without["chosen"].as_u64().unwrap() > 0, "{without}");
+    let scores = with["reach_scores"].as_array().unwrap();
+    let n_better = with["chosen"].as_u64().unwrap() as usize;
+    assert!(scores[..n_better].iter().any(|score| score == 0.0), "some better palm pose is hopeless: {scores:?}");
+    assert_eq!((&with["chosen"], &with["candidate"]), (&without["chosen"], &without["candidate"]));
+    let whys = |details: &serde_json::Value| {
+        let rejected = details["rejected"].as_array().unwrap();
+        rejected.iter().map(|one| (one["candidate_idx"].clone(), one["reason"]["why"].clone())).collect::<Vec<_>>()
+    };
+    assert_eq!(whys(&with), whys(&without));
+    assert!(!with["rejected"][0]["reason"]["at_limit"].as_array().unwrap().is_empty(), "{}", with["rejected"][0]);
+    let description = std::fs::read_to_string(assets.join("robots/curi.yaml")).unwrap();
+    std::fs::write(assets.join("robots/curi.yaml"), description.replacen("xyz: [0.046,", "xyz: [0.056,", 1)).unwrap();
+    sfg(folder.path(), &["--assets", "assets", "run", "right.yaml", "--out", "stale"])
+        .refused(2, &["curi.left.reach", "was built for another arm", "sfg robot reach build"]);
+}
