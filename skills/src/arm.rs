@@ -175,8 +175,8 @@ impl<'a> ArmScene<'a> {
         self.reach().map(|map| map.score(self.chain(), base_from_palm))
     }
 
-    /// The nearest miss of a palm pose that is hopeless: the map knows no reached pose about it, and a few descents find none either.
-    /// `None` without a map.
+    /// The nearest miss of a palm pose that is hopeless: the map knows no reached pose about it, and a few descents
+    /// find none either. `None` without a map.
     #[must_use]
     pub fn hopeless(&self, base_from_palm: &Pose, near_q: &[f64]) -> Option<Miss> {
         if self.reach_score(base_from_palm)? > 0.0 {

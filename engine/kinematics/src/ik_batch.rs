@@ -47,11 +47,11 @@ impl IkSolver {
         nearest.unwrap_or_else(|| unreachable!("one descent at least was made"))
     }
 
-    /// One outcome for each target, in their order. Each target begins at the solutions of the nearest targets solved before it, then at
-    /// `seed_q`, then at random configurations.
+    /// One outcome for each target, in their order. Each target begins at the solutions of the nearest targets solved
+    /// before it, then at `seed_q`, then at random configurations.
     ///
-    /// It pays where targets lie close: palm poses about one object, cells of a grid. The answers depend on the set of targets: take
-    /// [`Self::solve`] where a target must give the same configuration by itself.
+    /// It pays where targets lie close: palm poses about one object, cells of a grid. The answers depend on the set of targets:
+    /// take [`Self::solve`] where a target must give the same configuration by itself.
     ///
     /// # Panics
     /// As [`Self::solve`].

@@ -21,8 +21,8 @@ impl ReachMap {
     /// Reads a complete map of `chain`.
     ///
     /// # Errors
-    /// [`KinematicsError::ReadFile`], and [`KinematicsError::Reach`] for a file that is no map, is damaged, cut short or incomplete, or
-    /// was built for another arm.
+    /// [`KinematicsError::ReadFile`], and [`KinematicsError::Reach`] for a file that is no map, is damaged, cut short or
+    /// incomplete, or was built for another arm.
     pub fn load(path: &Path, chain: &Chain) -> Result<Self, KinematicsError> {
         let (map, _) = read(path, chain)?;
         if map.header.is_complete {

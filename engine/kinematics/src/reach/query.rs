@@ -26,7 +26,8 @@ const METRES_PER_RADIAN: f64 = 0.3;
 /// What a map says of a palm pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReachVerdict {
-    /// Share of the near cells that the arm reaches, the nearer the more it counts: 0 to 1. High well inside the reach, low at its edge.
+    /// Share of the near cells that the arm reaches, the nearer the more it counts: 0 to 1. High well inside the
+    /// reach, low at its edge.
     pub score: f64,
     /// What descents from the configurations of near cells found, within 1 mm and 3 mrad; `None` when no near cell is reached, and
     /// the pose is hopeless.
@@ -61,8 +62,8 @@ impl ReachMap {
 
     /// Whether the arm reaches a palm pose within its joint limits, as descents from the map's own configurations find.
     ///
-    /// "Reachable" comes with the configuration that proves it. "Not reachable" is the map's opinion, in about one pose of a
-    /// thousand against the inverse kinematics with all its random starts; where that matters, ask [`IkSolver::solve`].
+    /// "Reachable" comes with the configuration that proves it. "Not reachable" is the map's opinion, at 5 cm in about two poses
+    /// of a thousand against inverse kinematics with all its random starts; where that matters, ask [`IkSolver::solve`].
     ///
     /// # Panics
     /// If the chain has another number of joints than the map's; [`ReachMap::load`] refuses such a map.
@@ -157,8 +158,8 @@ impl ReachMap {
     fn near(&self, shoulder_from_palm: &Pose) -> Near {
         let mut near = Near { score: 0.0, reached: [(0.0, (0, 0)); 8 * N_NEAR], n_reached: 0 };
         let Some(corner) = self.corner(&shoulder_from_palm.translation.vector) else { return near };
-        // Likeness is the cosine of half the angle between; the fifth is the zero from which the nearest four are weighed, so that the
-        // score has no jump where another becomes the fourth.
+        // Likeness is the cosine of half the angle between; the fifth is the zero from which the nearest four are weighed, so that
+        // the score has no jump where another becomes the fourth.
         let mut best = [(-1.0, 0); N_NEAR + 1];
         for (idx, rotation) in self.rotations().iter().enumerate() {
             let likeness = rotation.coords.dot(&shoulder_from_palm.rotation.coords).abs();

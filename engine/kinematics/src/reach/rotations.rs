@@ -5,11 +5,11 @@ use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 /// Rotations in a voxel; as many fit into one word.
 pub(crate) const N_ROTATIONS: usize = 48;
 
-/// Six rotations (x, y, z, w) found by a random search for the least gap; the eight turns of a square prism about the shoulder's axis
-/// make 48 of them.
+/// Six rotations (x, y, z, w) found by a random search for the least gap; the eight turns of a square prism about the
+/// shoulder's axis make 48 of them.
 ///
-/// No rotation is farther than 51.3 degrees from its nearest; the 24 turns of a cube leave 62.8 degrees, and the 60 of an icosahedron
-/// 44.5 (the best known).
+/// No rotation is farther than 51.3 degrees from its nearest; the 24 turns of a cube leave 62.8 degrees, and the 60 of an
+/// icosahedron 44.5.
 const SIX_XYZW: [[f64; 4]; 6] = [
     [-0.029359, -0.793516, 0.566319, 0.220801],
     [-0.307610, 0.526335, -0.256694, 0.749970],
