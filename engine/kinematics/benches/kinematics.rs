@@ -1,4 +1,5 @@
-//! FK, Jacobian and IK of one Panda arm: per-item times over 10,000 random reachable poses, varied inputs, checksum printed.
+//! FK, Jacobian and IK of one Panda arm over 10,000 random reachable poses and of arms with torso over 1000: per-item times, varied
+//! inputs, checksum printed.
 //!
 //! `cargo bench -p sfg-kinematics` writes `target/bench/kinematics.json`.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a measuring program")]
@@ -48,6 +49,9 @@ fn main() {
     for (name, half_width_m) in [("kinematics/ik_batch_spread", None), ("kinematics/ik_batch_near", Some(0.2))] {
         rows.extend(batch_rows(&chain, name, half_width_m));
     }
+    for name in ["left", "torso_left", "both", "torso_both"] {
+        rows.extend(group_rows(&model, name, &mut checksum));
+    }
     for row in &rows {
         println!("{row}");
     }
@@ -88,6 +92,32 @@ fn batch_rows(chain: &Chain, name: &str, half_width_m: Option<f64>) -> [serde_js
     [one_by_one, batch]
 }
 
+/// Forward kinematics and Jacobians of all tips, and inverse kinematics from a random seed to a random reachable pose of each.
+fn group_rows(model: &RobotModel, name: &str, checksum: &mut f64) -> Vec<serde_json::Value> {
+    let chain = model.group(name).unwrap().chain;
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let configurations: Vec<Vec<f64>> = (0..1000).map(|_| random_q(&chain, &mut rng)).collect();
+    let seeds: Vec<Vec<f64>> = (0..1000).map(|_| random_q(&chain, &mut rng)).collect();
+    let poses = |q: &[f64]| (0..chain.n_tips()).map(|tip| chain.fk_of(tip, q)).collect::<Vec<_>>();
+    let fk = measure(&configurations, |q| *checksum += poses(q)[0].translation.x);
+    let jacobian =
+        measure(&configurations, |q| (0..chain.n_tips()).for_each(|tip| *checksum += chain.jacobian_of(tip, q)[(0, 0)]));
+    let mut solved = Vec::new();
+    let settings = IkSettings { max_starts: 1000, ..IkSettings::default() };
+    let ik = measure(&configurations, |q| {
+        let q = IkSolver::solve_tips(&chain, &poses(q), &seeds[solved.len()], &settings, &mut rng).solution();
+        *checksum += q.as_ref().map_or(0.0, |q| q[0]);
+        solved.push(q.is_some());
+    });
+    let mean = ik.iter().sum::<f64>() / ik.len() as f64;
+    let solved_within_20_ms = ik.iter().zip(&solved).filter(|(time, solved)| **solved && **time <= 20e3).count();
+    let mut ik_row = row(&format!("kinematics/{name}/ik"), "us", ik);
+    ik_row["mean"] = mean.into();
+    ik_row["solved"] = solved.iter().filter(|solved| **solved).count().into();
+    ik_row["solved_within_20_ms"] = solved_within_20_ms.into();
+    vec![row(&format!("kinematics/{name}/fk"), "us", fk), row(&format!("kinematics/{name}/jacobian"), "us", jacobian), ik_row]
+}
+
 fn measure(inputs: &[Vec<f64>], mut work: impl FnMut(&[f64])) -> Vec<f64> {
     inputs
         .iter()
@@ -102,5 +132,5 @@ fn measure(inputs: &[Vec<f64>], mut work: impl FnMut(&[f64])) -> Vec<f64> {
 fn row(name: &str, unit: &str, mut times: Vec<f64>) -> serde_json::Value {
     times.sort_by(f64::total_cmp);
     let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
-    serde_json::json!({"bench": name, "unit": unit, "median": at(0.5), "p95": at(0.95), "n": times.len(), "peer": null})
+    serde_json::json!({"bench": name, "unit": unit, "median": at(0.5), "p95": at(0.95), "max": at(1.0), "n": times.len(), "peer": null})
 }

@@ -56,10 +56,10 @@ pub enum KinematicsError {
         /// What was found and what was expected.
         message: String,
     },
-    /// A name that the URDF does not have.
+    /// A name that the robot does not have.
     #[error("no {what} is called {name:?}; the nearest of {n_known} names is {nearest:?}")]
     UnknownName {
-        /// `link` or `joint`.
+        /// `link`, `joint` or `group`.
         what: &'static str,
         /// The name asked for.
         name: String,

@@ -1,7 +1,8 @@
 //! URDF to compiled chain: forward kinematics, Jacobian, inverse kinematics.
 //!
 //! [`RobotModel::load`] reads a robot description (`scenarios/robots/curi.yaml`), its URDF and the hands that it names, and
-//! compiles them to one tree. [`RobotModel::arm_chain`] cuts the seven joints of an arm out of it; [`IkSolver`] inverts that chain.
+//! compiles them to one tree. [`RobotModel::arm_chain`] cuts the seven joints of an arm out of it, [`RobotModel::group`] both arms or
+//! arms with the torso; [`IkSolver`] inverts that chain.
 //! The crate knows no obstacles and no time.
 
 pub mod chain;
@@ -20,7 +21,7 @@ pub use description::{ArmDescription, CameraDescription, Mount, RobotDescription
 pub use error::KinematicsError;
 pub use ik::{IkOutcome, IkSettings, IkSolver};
 pub use ik_batch::joints_at_limit;
-pub use robot::{Arm, Camera, RobotModel};
+pub use robot::{Arm, Camera, GROUPS, JointGroup, RobotModel};
 pub use shape::{Primitive, Shape};
 pub use srdf::Srdf;
 pub use tree::{Inertial, Joint, JointKind, JointSource, Link, Tree};

@@ -3,7 +3,7 @@
 use crate::chain::Chain;
 use crate::description::{ArmDescription, RobotDescription, load_hand_profile, pose};
 use crate::error::KinematicsError;
-use crate::tree::{Graft, Tree, read_urdf, root_link};
+use crate::tree::{Graft, Tree, read_urdf, root_link, unknown};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use sfg_types::{CameraIntrinsics, HandProfile, HandSide, Pose};
 use std::path::Path;
@@ -43,6 +43,24 @@ pub struct Arm {
     /// Root link of the hand, if there is one: this link and all below it are the hand.
     pub hand_root_link: Option<String>,
 }
+
+/// Joints that are moved together, for inverse kinematics and planning: [`RobotModel::group`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointGroup {
+    /// One of [`GROUPS`].
+    pub name: String,
+    /// From the base link to the palm frames (to the arms' tip links when there are no hands), the left one first.
+    pub chain: Chain,
+    /// Places of the group's joints in a configuration of the whole robot.
+    pub q_idx: Vec<usize>,
+    /// Ready pose of the group.
+    pub home_q: Vec<f64>,
+    /// Root links of the hands that it moves.
+    pub hand_root_links: Vec<String>,
+}
+
+/// Names of the groups that every robot has; the torso is whatever moves the shoulders.
+pub const GROUPS: [&str; 6] = ["left", "right", "both", "torso_left", "torso_right", "torso_both"];
 
 /// A calibrated camera.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,6 +109,44 @@ impl RobotModel {
         &self.arm(side).chain
     }
 
+    /// An arm, both arms, or either with the torso, by name: `left`, `right`, `both`, `torso_left`, `torso_right`, `torso_both`.
+    ///
+    /// Joints of the torso have no acceleration and jerk limits: neither URDF nor description names any.
+    ///
+    /// # Errors
+    /// [`KinematicsError::UnknownName`].
+    pub fn group(&self, name: &str) -> Result<JointGroup, KinematicsError> {
+        if !GROUPS.contains(&name) {
+            return Err(unknown("group", name, GROUPS.into_iter()));
+        }
+        let with_torso = name.strip_prefix("torso_");
+        let arms = match with_torso.unwrap_or(name) {
+            "left" => vec![&self.left],
+            "right" => vec![&self.right],
+            _ => vec![&self.left, &self.right],
+        };
+        let base = &self.tree.links[0].name;
+        let tips: Vec<&str> = arms.iter().map(|arm| arm.tip_link.as_str()).collect();
+        let mut joints: Vec<String> = arms.iter().flat_map(|arm| arm.chain.joint_names.clone()).collect();
+        if with_torso.is_some() {
+            for tip in &tips {
+                joints.extend(self.tree.joints_between(base, tip)?);
+            }
+        }
+        let mut chain = Chain::branching(&self.tree, base, &tips, &joints, &self.home_q)?;
+        for (name, limits) in chain.joint_names.iter().zip(&mut chain.limits) {
+            for arm in &arms {
+                if let Some(idx) = arm.chain.joint_names.iter().position(|own| own == name) {
+                    *limits = arm.chain.limits[idx];
+                }
+            }
+        }
+        let q_idx = chain.joint_names.iter().map(|name| self.tree.q_idx(name)).collect::<Result<Vec<_>, _>>()?;
+        let home_q = q_idx.iter().map(|idx| self.home_q[*idx]).collect();
+        let hand_root_links = arms.iter().filter_map(|arm| arm.hand_root_link.clone()).collect();
+        Ok(JointGroup { name: name.to_owned(), chain, q_idx, home_q, hand_root_links })
+    }
+
     /// `base_from_link` of every link, in the order of `tree.links`.
     ///
     /// # Panics
@@ -110,6 +166,20 @@ impl RobotModel {
         let idx = &self.arm(side).q_idx;
         assert_eq!(idx.len(), arm_q.len(), "one value for each arm joint");
         for (idx, value) in idx.iter().zip(arm_q) {
+            q[*idx] = *value;
+        }
+        q
+    }
+
+    /// The configuration of the whole robot that is at home but for one group.
+    ///
+    /// # Panics
+    /// If `group_q` has not one value for each joint of the group.
+    #[must_use]
+    pub fn q_with_group(&self, group: &JointGroup, group_q: &[f64]) -> Vec<f64> {
+        assert_eq!(group.q_idx.len(), group_q.len(), "one value for each joint of the group");
+        let mut q = self.home_q.clone();
+        for (idx, value) in group.q_idx.iter().zip(group_q) {
             q[*idx] = *value;
         }
         q

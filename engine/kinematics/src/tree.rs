@@ -235,6 +235,25 @@ impl Tree {
         found.expect("every configuration entry belongs to one joint")
     }
 
+    /// Names of the independent joints that move something between two links, in the order of a configuration.
+    ///
+    /// # Errors
+    /// [`KinematicsError::UnknownName`], or [`KinematicsError::NoChain`] when the tip does not hang on the base.
+    pub fn joints_between(&self, base_link: &str, tip_link: &str) -> Result<Vec<String>, KinematicsError> {
+        let base_idx = self.link_idx(base_link)?;
+        let mut link_idx = self.link_idx(tip_link)?;
+        let mut moves = vec![false; self.n_q()];
+        while link_idx != base_idx {
+            let no_chain = || KinematicsError::NoChain { base: base_link.to_owned(), tip: tip_link.to_owned() };
+            let joint = &self.joints[self.links[link_idx].joint_idx.ok_or_else(no_chain)?];
+            if let JointSource::Independent { q_idx } | JointSource::Mimic { q_idx, .. } = joint.source {
+                moves[q_idx] = true;
+            }
+            link_idx = joint.parent_idx;
+        }
+        Ok(self.q_names.iter().zip(moves).filter(|(_, moves)| *moves).map(|(name, _)| name.clone()).collect())
+    }
+
     /// `root_from_link` of every link, in the order of [`Self::links`].
     ///
     /// # Panics
@@ -355,7 +374,7 @@ fn inertial(i: &urdf_rs::Inertial) -> Inertial {
     }
 }
 
-fn unknown<'a>(what: &'static str, name: &str, known: impl Iterator<Item = &'a str>) -> KinematicsError {
+pub(crate) fn unknown<'a>(what: &'static str, name: &str, known: impl Iterator<Item = &'a str>) -> KinematicsError {
     let known: Vec<&str> = known.collect();
     let nearest = known.iter().max_by_key(|k| common_letters(k, name)).copied().unwrap_or("").to_owned();
     KinematicsError::UnknownName { what, name: name.to_owned(), n_known: known.len(), nearest }
