@@ -11,7 +11,7 @@
 use crate::lanes::{Lanes, Lanes3, N_LANES, minus, norm2};
 use crate::points::PointObstacles;
 use multiversion::multiversion;
-use sfg_kinematics::{Chain, Shape};
+use sfg_kinematics::{Chain, ChainJoint, Shape};
 use sfg_types::{Point, Pose};
 use std::ops::Range;
 
@@ -22,12 +22,20 @@ struct Ball {
     radius: f32,
 }
 
+/// A compiled joint of the chain; those before it come first.
 #[derive(Clone, Debug)]
 struct Joint {
+    parent: Option<usize>,
+    /// Its value is `multiplier * q[q_idx] + offset`.
+    q_idx: usize,
+    multiplier: f32,
+    offset: f32,
     /// Row-major.
     rotation: [f32; 9],
     translation: [f32; 3],
     is_revolute: bool,
+    /// Farthest that it slides, metres; 0 when it turns.
+    travel: f32,
     /// No ball behind the joint is farther than this from its axis, metres.
     reach: f32,
 }
@@ -99,11 +107,15 @@ pub(crate) struct BodySpec<'a> {
 impl Batch {
     /// A chain without bodies.
     pub(crate) fn new(chain: &Chain) -> Self {
-        let joints = (0..chain.n_joints())
+        let joints = (0..chain.link_names.len())
             .map(|idx| {
-                let joint = chain.joint(idx);
-                let (rotation, translation) = parts(&joint.before);
-                Joint { rotation, translation, is_revolute: joint.is_revolute, reach: 0.0 }
+                let ChainJoint { parent, q_idx, multiplier, offset, before, is_revolute, .. } = chain.joint(idx);
+                let (rotation, translation) = parts(&before);
+                let limits = &chain.limits[q_idx];
+                let value = |q: f64| (multiplier * q + offset).abs();
+                let travel = if is_revolute { 0.0 } else { value(limits.lower).max(value(limits.upper)) as f32 };
+                let (multiplier, offset) = (multiplier as f32, offset as f32);
+                Joint { parent, q_idx, multiplier, offset, rotation, translation, is_revolute, travel, reach: 0.0 }
             })
             .collect();
         Self { joints, ..Self::default() }
@@ -126,9 +138,12 @@ impl Batch {
         let mut reach = (self.balls[first_ball..].iter())
             .map(|ball| ball.centre.iter().map(|c| c * c).sum::<f32>().sqrt() + ball.radius)
             .fold(0.0, f32::max);
-        for joint in self.joints[..=joint_idx].iter_mut().rev() {
+        let mut at = Some(joint_idx);
+        while let Some(idx) = at {
+            let joint = &mut self.joints[idx];
             joint.reach = joint.reach.max(reach);
-            reach += joint.translation.iter().map(|t| t * t).sum::<f32>().sqrt();
+            reach += joint.translation.iter().map(|t| t * t).sum::<f32>().sqrt() + joint.travel;
+            at = joint.parent;
         }
         let bodies = first_body..self.bodies.len();
         self.clusters.push(Cluster { joint_idx, bound: bound(&self.balls[first_ball..]), bodies });
@@ -176,7 +191,11 @@ impl Batch {
 
     /// How far a radian of each joint moves what hangs on it, metres; 1 where the joint slides.
     pub(crate) fn reaches_m(&self) -> Vec<f64> {
-        self.joints.iter().map(|joint| if joint.is_revolute { f64::from(joint.reach) } else { 1.0 }).collect()
+        let mut reaches = vec![0.0; self.joints.iter().map(|joint| joint.q_idx + 1).max().unwrap_or(0)];
+        for joint in &self.joints {
+            reaches[joint.q_idx] += f64::from(joint.multiplier.abs() * if joint.is_revolute { joint.reach } else { 1.0 });
+        }
+        reaches
     }
 
     /// Whether everything is farther than `distance_m` apart in all of these configurations.
@@ -189,11 +208,23 @@ impl Batch {
     /// Stretches on which nothing comes nearer than the farthest ball can move are passed over: those are free between the looks, too.
     pub(crate) fn is_free_closely(&self, a: &[f64], b: &[f64], step_rad: f64) -> bool {
         let length = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
-        // How far a ball moves over the whole way, at most.
-        let moved = (self.joints.iter().zip(a).zip(b))
-            .map(|((joint, a), b)| if joint.is_revolute { f64::from(joint.reach) * (a - b).abs() } else { (a - b).abs() })
-            .sum::<f64>() as f32;
-        is_free_closely(self, a, b, (length / step_rad).max(1.0), moved)
+        is_free_closely(self, a, b, (length / step_rad).max(1.0), self.moved(a, b))
+    }
+
+    /// How far a ball moves over the whole way, and how far two balls move against each other, at most.
+    fn moved(&self, a: &[f64], b: &[f64]) -> Moved {
+        let mut behind = [0.0_f32; MAX_JOINTS];
+        let mut moved = Moved { ball: 0.0, pair: 0.0 };
+        for (idx, joint) in self.joints.iter().enumerate() {
+            let turn = joint.multiplier.abs() * (a[joint.q_idx] - b[joint.q_idx]).abs() as f32;
+            let own = if joint.is_revolute { joint.reach * turn } else { turn };
+            behind[idx] = own + joint.parent.map_or(0.0, |parent| behind[parent]);
+            moved.ball = moved.ball.max(behind[idx]);
+            moved.pair += own;
+        }
+        // Two balls share the joints below both; at worst, each has moved as far as any can.
+        moved.pair = moved.pair.min(2.0 * moved.ball);
+        moved
     }
 
     /// Whether the whole straight way from `a` to `b` is free when looked at every `step_rad`, ends included.
@@ -209,7 +240,7 @@ impl Batch {
 /// A block is spread over the whole way, so that what is in the way is mostly met by the first one.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2+fma", "x86_64+avx2+fma"))]
 fn any_contact_between(batch: &Batch, a: &[f64], b: &[f64], n_blocks: usize) -> Option<usize> {
-    let n = batch.joints.len();
+    let n = a.len();
     let mut q = [Lanes::splat(0.0); MAX_JOINTS];
     for block in 0..n_blocks {
         for (lane_q, (a, b)) in q.iter_mut().zip(a.iter().zip(b)) {
@@ -219,7 +250,7 @@ fn any_contact_between(batch: &Batch, a: &[f64], b: &[f64], n_blocks: usize) -> 
                 lane_q.0[lane] = (a + share * (b - a)) as f32;
             }
         }
-        if touches(batch, &q[..n], 0.0) {
+        if touches(batch, &q[..n], Moved { ball: 0.0, pair: 0.0 }) {
             return Some(block);
         }
     }
@@ -229,7 +260,7 @@ fn any_contact_between(batch: &Batch, a: &[f64], b: &[f64], n_blocks: usize) -> 
 /// Whether anything comes nearer than `distance_m` in any of at most eight configurations.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2+fma", "x86_64+avx2+fma"))]
 fn any_contact_at(batch: &Batch, configurations: &[&[f64]], distance_m: f32) -> bool {
-    let n = batch.joints.len();
+    let n = configurations[0].len();
     let mut q = [Lanes::splat(0.0); MAX_JOINTS];
     for lane in 0..N_LANES {
         // Lanes without a configuration repeat the last one.
@@ -238,7 +269,14 @@ fn any_contact_at(batch: &Batch, configurations: &[&[f64]], distance_m: f32) -> 
             lane_q.0[lane] = *value as f32;
         }
     }
-    touches(batch, &q[..n], distance_m)
+    touches(batch, &q[..n], Moved { ball: distance_m, pair: distance_m })
+}
+
+/// Bounds of a motion, metres.
+#[derive(Clone, Copy, Debug)]
+struct Moved {
+    ball: f32,
+    pair: f32,
 }
 
 /// Stretches are split in so many when something is near.
@@ -248,8 +286,8 @@ const MAX_WAITING: usize = 64;
 
 /// As [`Batch::is_free_closely`]; `n_steps` looks in all.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2+fma", "x86_64+avx2+fma"))]
-fn is_free_closely(batch: &Batch, a: &[f64], b: &[f64], n_steps: f64, moved: f32) -> bool {
-    let n = batch.joints.len();
+fn is_free_closely(batch: &Batch, a: &[f64], b: &[f64], n_steps: f64, moved: Moved) -> bool {
+    let n = a.len();
     let mut q = [Lanes::splat(0.0); MAX_JOINTS];
     // Begin and length of stretches, shares of the way.
     let mut waiting = [(0.0, 0.0); MAX_WAITING];
@@ -267,13 +305,14 @@ fn is_free_closely(batch: &Batch, a: &[f64], b: &[f64], n_steps: f64, moved: f32
         }
         let is_last = spacing * n_steps <= 1.0;
         // Nothing between two looks is farther from one of them than half of their distance.
-        let inflation = 0.5 * spacing as f32 * moved;
+        let half = 0.5 * spacing as f32;
+        let inflation = Moved { ball: half * moved.ball, pair: half * moved.pair };
         // A coarse look that must inflate by much tells nothing.
-        if inflation <= MAX_INFLATION && !touches(batch, &q[..n], inflation) {
+        if inflation.pair <= MAX_INFLATION && !touches(batch, &q[..n], inflation) {
             continue;
         }
         if is_last {
-            if touches(batch, &q[..n], 0.0) {
+            if touches(batch, &q[..n], Moved { ball: 0.0, pair: 0.0 }) {
                 return false;
             }
             continue;
@@ -292,7 +331,7 @@ fn is_free_closely(batch: &Batch, a: &[f64], b: &[f64], n_steps: f64, moved: f32
 /// Largest inflation with which a stretch is looked at, metres.
 const MAX_INFLATION: f32 = 0.03;
 
-/// Most joints of a chain that is compiled.
+/// Most compiled joints of a chain, those that mimic others included.
 pub(crate) const MAX_JOINTS: usize = 24;
 
 /// Frames behind the joints.
@@ -314,18 +353,11 @@ impl Frames {
 fn frames(joints: &[Joint], q: &[Lanes]) -> Frames {
     let zero = Lanes::splat(0.0);
     let mut frames = Frames { rotations: [[zero; 9]; MAX_JOINTS], translations: [[zero; 3]; MAX_JOINTS] };
-    for (idx, (joint, value)) in joints.iter().zip(q).enumerate() {
+    for (idx, joint) in joints.iter().enumerate() {
         let (c, d) = (&joint.rotation, &joint.translation);
         let (mut r, mut t) = ([zero; 9], [zero; 3]);
-        if idx == 0 {
-            for i in 0..9 {
-                r[i] = Lanes::splat(c[i]);
-            }
-            for i in 0..3 {
-                t[i] = Lanes::splat(d[i]);
-            }
-        } else {
-            let (p, o) = (&frames.rotations[idx - 1], &frames.translations[idx - 1]);
+        if let Some(parent) = joint.parent {
+            let (p, o) = (&frames.rotations[parent], &frames.translations[parent]);
             for row in 0..3 {
                 let p = &p[3 * row..3 * row + 3];
                 for column in 0..3 {
@@ -333,7 +365,15 @@ fn frames(joints: &[Joint], q: &[Lanes]) -> Frames {
                 }
                 t[row] = o[row] + p[0] * d[0] + p[1] * d[1] + p[2] * d[2];
             }
+        } else {
+            for i in 0..9 {
+                r[i] = Lanes::splat(c[i]);
+            }
+            for i in 0..3 {
+                t[i] = Lanes::splat(d[i]);
+            }
         }
+        let value = q[joint.q_idx] * joint.multiplier + joint.offset;
         if joint.is_revolute {
             let (sin, cos) = value.sin_cos();
             for row in 0..3 {
@@ -343,7 +383,7 @@ fn frames(joints: &[Joint], q: &[Lanes]) -> Frames {
             }
         } else {
             for row in 0..3 {
-                t[row] = t[row] + r[3 * row + 2] * *value;
+                t[row] = t[row] + r[3 * row + 2] * value;
             }
         }
         (frames.rotations[idx], frames.translations[idx]) = (r, t);
@@ -353,7 +393,8 @@ fn frames(joints: &[Joint], q: &[Lanes]) -> Frames {
 
 /// Whether anything touches in any of the eight configurations.
 #[inline(always)]
-fn touches(batch: &Batch, q: &[Lanes], inflation: f32) -> bool {
+fn touches(batch: &Batch, q: &[Lanes], moved: Moved) -> bool {
+    let inflation = moved.ball;
     let frames = frames(&batch.joints, q);
     let n_bodies = batch.bodies.len();
     let mut cluster_centres = [[Lanes::splat(0.0); 3]; MAX_CLUSTERS];
@@ -385,19 +426,19 @@ fn touches(batch: &Batch, q: &[Lanes], inflation: f32) -> bool {
     for Meeting { clusters, pairs } in &batch.meetings {
         let (a, b) = (&batch.clusters[clusters.0], &batch.clusters[clusters.1]);
         let gap = minus(&cluster_centres[clusters.0], &cluster_centres[clusters.1]);
-        if !within(&gap, a.bound.radius + b.bound.radius + inflation) {
+        if !within(&gap, a.bound.radius + b.bound.radius + moved.pair) {
             continue;
         }
         for (first, second) in pairs {
             let (first, second) = (&batch.bodies[*first], &batch.bodies[*second]);
             let gap = minus(&frames.place(a.joint_idx, &first.bound), &frames.place(b.joint_idx, &second.bound));
-            if !within(&gap, first.bound.radius + second.bound.radius + inflation) {
+            if !within(&gap, first.bound.radius + second.bound.radius + moved.pair) {
                 continue;
             }
             for ball in &batch.balls[first.balls.clone()] {
                 let centre = frames.place(a.joint_idx, ball);
                 for other in &batch.balls[second.balls.clone()] {
-                    if within(&minus(&centre, &frames.place(b.joint_idx, other)), ball.radius + other.radius + inflation) {
+                    if within(&minus(&centre, &frames.place(b.joint_idx, other)), ball.radius + other.radius + moved.pair) {
                         return true;
                     }
                 }

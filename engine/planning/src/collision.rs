@@ -1,20 +1,20 @@
-//! Does one arm with its hand, and what it holds, touch anything?
+//! Does an arm with its hand, and what it holds, touch anything? Or do both arms, or arms and torso?
 //!
-//! Everything that moves with the arm is covered by balls; the robot's other bodies and the obstacles keep their exact shapes, so
+//! Everything that moves with the chain is covered by balls; the robot's other bodies and the obstacles keep their exact shapes, so
 //! that one distance formula per shape answers all. The covering exceeds the arm by about 1 cm: verdicts err towards contact.
 
 mod nearest;
 
 pub use nearest::Gap;
 
-use crate::batch::{Batch, BodySpec};
+use crate::batch::{Batch, BodySpec, MAX_JOINTS};
 use crate::error::PlanningError;
 use crate::points::PointObstacles;
 use crate::shapes::{Obstacle, bounding_radius_m, covering_spheres, signed_distance_m};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use sfg_kinematics::ik::random_q;
-use sfg_kinematics::{Chain, RobotModel, Shape, Tree};
+use sfg_kinematics::{Chain, JointGroup, JointKind, Primitive, RobotModel, Shape, Tree};
 use sfg_types::{HandSide, Point, Pose};
 use std::collections::BTreeSet;
 use std::fmt;
@@ -79,10 +79,10 @@ impl fmt::Display for Contact {
 struct Moving {
     name: String,
     group: BodyGroup,
-    // Link of the chain that carries it, 0 to n - 1.
+    // Link of the chain that carries it: index into the chain's `link_names`.
     frame_idx: usize,
-    // Place in the row of links: arm link i has i + 1, the hand one more than the last link.
-    rank: usize,
+    // Joints between that link and this body, which do not move; the hand and what it holds count as one joint on.
+    n_beyond: usize,
     spheres: Vec<(Point, f64)>,
     bound: (Point, f64),
 }
@@ -108,16 +108,17 @@ struct Fixed {
 pub struct CollisionModel {
     chain: Chain,
     settings: CollisionSettings,
-    hand_root: Option<String>,
-    // The link that carries the first joint: rank 0.
-    root_link: Option<String>,
+    hand_roots: Vec<String>,
+    // Whether a link of the chain belongs to the torso; empty when none does.
+    trunk: Vec<bool>,
     self_pairs: SelfPairs,
     moving: Vec<Moving>,
     own_bodies: Vec<Fixed>,
     // Moving bodies of one chain link lie side by side in `moving` and share a bound: most tests end there.
     clusters: Vec<Cluster>,
-    // Pairs that nearly always touch because they are built so: moving body's name and own body, or number of own bodies + rank.
-    built_touching: BTreeSet<(String, usize)>,
+    // Moving bodies that nearly always touch because they are built so, with an own body or with another moving body.
+    built_on_own: BTreeSet<(String, usize)>,
+    built_touching: BTreeSet<(String, String)>,
     // Moving body x own bodies: may touch.
     ignored: Vec<Vec<bool>>,
     // Moving body x those before it: must not meet.
@@ -140,6 +141,8 @@ pub enum SelfPairs {
 
 /// A pair of bodies that touches in this share of all configurations is built so, and no collision.
 const BUILT_TOUCHING_SHARE: f64 = 0.9;
+/// Balls may stand out of a box by this share of its bounding radius: a torso needs no such fine ones as a forearm.
+const BOX_EXCESS_SHARE: f64 = 0.1;
 /// Name of the point cloud in contacts and permissions.
 const POINTS: &str = "points";
 
@@ -152,15 +155,36 @@ impl CollisionModel {
     /// # Panics
     /// If `q` is not a configuration of the whole robot.
     pub fn new(model: &RobotModel, side: HandSide, q: &[f64], settings: CollisionSettings) -> Result<Self, PlanningError> {
-        let hand_root = model.arm(side).hand_root_link.as_deref();
-        Self::of_tree(&model.tree, model.arm_chain(side).clone(), hand_root, q, SelfPairs::Sampled, settings)
+        let hand_roots = model.arm(side).hand_root_link.clone().into_iter().collect();
+        Self::build(&model.tree, model.arm_chain(side).clone(), hand_roots, Vec::new(), q, SelfPairs::Sampled, settings)
+    }
+
+    /// The robot without obstacles: a group of joints moves ([`RobotModel::group`]), all else stays as in the whole-robot configuration `q`.
+    ///
+    /// Arms of the group are looked at for touching each other; each of its hands is a hand. Links of a moving torso are looked at for
+    /// touching arms and the world, but not each other or the base: as drawn their boxes overlap, and their joints' limits keep them apart.
+    ///
+    /// # Errors
+    /// [`PlanningError::MeshShape`] and [`PlanningError::TooManyJoints`].
+    ///
+    /// # Panics
+    /// If `q` is not a configuration of the whole robot.
+    pub fn of_group(
+        model: &RobotModel,
+        group: &JointGroup,
+        q: &[f64],
+        settings: CollisionSettings,
+    ) -> Result<Self, PlanningError> {
+        let is_arm = |link: &String| [&model.left, &model.right].iter().any(|arm| arm.chain.link_names.contains(link));
+        let trunk = group.chain.link_names.iter().map(|link| !is_arm(link)).collect();
+        Self::build(&model.tree, group.chain.clone(), group.hand_root_links.clone(), trunk, q, SelfPairs::Sampled, settings)
     }
 
     /// Any robot without obstacles: what hangs on `chain` moves, all else stays as in the configuration `q` of the whole tree. Links
     /// from `hand_root` on are the hand.
     ///
     /// # Errors
-    /// [`PlanningError::MeshShape`].
+    /// [`PlanningError::MeshShape`] and [`PlanningError::TooManyJoints`].
     ///
     /// # Panics
     /// If `q` is not a configuration of the tree.
@@ -172,16 +196,32 @@ impl CollisionModel {
         self_pairs: SelfPairs,
         settings: CollisionSettings,
     ) -> Result<Self, PlanningError> {
+        Self::build(tree, chain, hand_root.map(str::to_owned).into_iter().collect(), Vec::new(), q, self_pairs, settings)
+    }
+
+    fn build(
+        tree: &Tree,
+        chain: Chain,
+        hand_roots: Vec<String>,
+        trunk: Vec<bool>,
+        q: &[f64],
+        self_pairs: SelfPairs,
+        settings: CollisionSettings,
+    ) -> Result<Self, PlanningError> {
+        if chain.link_names.len() > MAX_JOINTS {
+            return Err(PlanningError::TooManyJoints { n_joints: chain.link_names.len(), most: MAX_JOINTS });
+        }
         let mut collision = Self {
             batch: Batch::new(&chain),
             chain,
             settings,
-            hand_root: hand_root.map(str::to_owned),
-            root_link: None,
+            hand_roots,
+            trunk,
             self_pairs,
             moving: Vec::new(),
             own_bodies: Vec::new(),
             clusters: Vec::new(),
+            built_on_own: BTreeSet::new(),
             built_touching: BTreeSet::new(),
             ignored: Vec::new(),
             guarded: Vec::new(),
@@ -232,14 +272,21 @@ impl CollisionModel {
         self.compile();
     }
 
-    /// Hangs a thing on the palm: balls in the palm frame, metres.
+    /// Hangs a thing on the palm (of two, on the first): balls in the palm frame, metres.
     pub fn attach(&mut self, name: &str, spheres_in_palm: &[(Point, f64)]) {
-        let n = self.chain.n_joints();
-        let q = self.chain.middle();
-        let poses = self.chain.fk_all(&q);
-        let link_from_palm = poses[n - 1].inverse() * poses[n];
+        self.attach_to(0, name, spheres_in_palm);
+    }
+
+    /// As [`Self::attach`], on tip `tip_idx` of the chain.
+    ///
+    /// # Panics
+    /// If there is no such tip, or it does not move.
+    pub fn attach_to(&mut self, tip_idx: usize, name: &str, spheres_in_palm: &[(Point, f64)]) {
+        let frame_idx = self.chain.tip_joint(tip_idx).expect("a joint of the chain moves the palm");
+        let poses = self.chain.fk_all(&self.chain.middle());
+        let link_from_palm = poses[frame_idx].inverse() * poses[self.chain.link_names.len() + tip_idx];
         let spheres = spheres_in_palm.iter().map(|(c, r)| (link_from_palm * c, *r)).collect();
-        self.moving.push(moving(name.to_owned(), BodyGroup::Attached, n - 1, n + 1, spheres));
+        self.moving.push(moving(name.to_owned(), BodyGroup::Attached, frame_idx, 1, spheres));
         self.index();
     }
 
@@ -380,19 +427,20 @@ impl CollisionModel {
         worst
     }
 
-    /// Rebuilds what follows from `moving`, `own_bodies` and `built_touching`.
+    /// Rebuilds what follows from `moving`, `own_bodies` and the pairs that are built touching.
     fn index(&mut self) {
-        self.moving.sort_by_key(|m| (m.frame_idx, m.rank));
+        // Hands apart from arms: two clusters a link at most.
+        let place = |m: &Moving| (m.frame_idx, m.group != BodyGroup::Arm);
+        self.moving.sort_by_key(place);
         self.clusters.clear();
         let mut first = 0;
         while first < self.moving.len() {
-            let (frame_idx, rank) = (self.moving[first].frame_idx, self.moving[first].rank);
-            let n = self.moving[first..].iter().take_while(|m| (m.frame_idx, m.rank) == (frame_idx, rank)).count();
+            let frame_idx = self.moving[first].frame_idx;
+            let n = self.moving[first..].iter().take_while(|m| place(m) == place(&self.moving[first])).count();
             let spheres = self.moving[first..first + n].iter().flat_map(|m| &m.spheres);
             self.clusters.push(Cluster { frame_idx, bodies: first..first + n, bound: bound(spheres) });
             first += n;
         }
-        let n_own = self.own_bodies.len();
         let disabled = |a: &str, b: &str| match &self.self_pairs {
             SelfPairs::Sampled => None,
             SelfPairs::AllBut(pairs) => {
@@ -400,17 +448,17 @@ impl CollisionModel {
                 Some(a == b || pair(a, b) || pair(b, a))
             }
         };
-        let built = |body: &Moving, idx: usize| self.built_touching.contains(&(body.name.clone(), idx));
+        let is_built_on = |body: &Moving, own_idx: usize| self.built_on_own.contains(&(body.name.clone(), own_idx));
+        let is_built = |body: &Moving, other: &Moving| self.built_touching.contains(&(body.name.clone(), other.name.clone()));
         self.ignored = self
             .moving
             .iter()
             .map(|body| {
                 let own = self.own_bodies.iter().enumerate();
-                let own = own.map(|(idx, own)| {
-                    let is_next = body.rank <= 2 && self.root_link.as_ref() == Some(&own.name);
-                    disabled(&body.name, &own.name).unwrap_or_else(|| is_next || built(body, idx))
-                });
-                own.collect()
+                own.map(|(idx, own)| {
+                    disabled(&body.name, &own.name).unwrap_or_else(|| self.is_trunk(body) || is_built_on(body, idx))
+                })
+                .collect()
             })
             .collect();
         self.guarded = self
@@ -420,7 +468,7 @@ impl CollisionModel {
             .map(|(idx, body)| {
                 let must_not_meet = |other: &Moving| match disabled(&body.name, &other.name) {
                     Some(is_disabled) => !is_disabled,
-                    None => may_meet(body, other) && !built(body, n_own + other.rank),
+                    None => self.may_meet(body, other) && !is_built(body, other),
                 };
                 self.moving[..idx].iter().map(must_not_meet).collect()
             })
@@ -457,11 +505,6 @@ impl CollisionModel {
 
     fn place_bodies(&mut self, tree: &Tree, q: &[f64]) -> Result<(), PlanningError> {
         let poses = tree.link_poses(q);
-        let n = self.chain.n_joints();
-        let last_link = tree.links.iter().position(|l| l.name == self.chain.link_names[n - 1]);
-        let hand_root = self.hand_root.clone();
-        let first = tree.links.iter().find(|l| l.name == self.chain.link_names[0]).and_then(|l| l.joint_idx);
-        self.root_link = first.map(|joint_idx| tree.links[tree.joints[joint_idx].parent_idx].name.clone());
         self.moving.retain(|m| m.group == BodyGroup::Attached);
         let attached = std::mem::take(&mut self.moving);
         self.own_bodies.clear();
@@ -474,13 +517,19 @@ impl CollisionModel {
             // Climb to the nearest link that a joint of the chain moves.
             let mut at = link_idx;
             let mut is_hand = false;
+            let mut n_beyond = 0;
             let carrier = loop {
                 if let Some(idx) = self.chain.link_names.iter().position(|name| *name == tree.links[at].name) {
                     break Some(idx);
                 }
-                is_hand |= Some(tree.links[at].name.as_str()) == hand_root.as_deref();
+                if self.hand_roots.contains(&tree.links[at].name) {
+                    (is_hand, n_beyond) = (true, 1);
+                }
                 match tree.links[at].joint_idx {
-                    Some(joint_idx) => at = tree.joints[joint_idx].parent_idx,
+                    Some(joint_idx) => {
+                        n_beyond += usize::from(tree.joints[joint_idx].kind != JointKind::Fixed);
+                        at = tree.joints[joint_idx].parent_idx;
+                    }
                     None => break None,
                 }
             };
@@ -492,17 +541,20 @@ impl CollisionModel {
                 }
                 Some(frame_idx) => {
                     let carrier_from_link = poses[at].inverse() * poses[link_idx];
-                    debug_assert!(!is_hand || Some(at) == last_link, "the hand hangs on the last link");
-                    let excess = if is_hand { self.settings.hand_excess_m } else { self.settings.arm_excess_m };
+                    let excess = |p: &Primitive| match &p.shape {
+                        _ if is_hand => self.settings.hand_excess_m,
+                        Shape::Cuboid { .. } => self.settings.arm_excess_m.max(BOX_EXCESS_SHARE * bounding_radius_m(&p.shape)),
+                        _ => self.settings.arm_excess_m,
+                    };
                     let spheres: Vec<(Point, f64)> = link
                         .collision
                         .iter()
-                        .flat_map(|p| covering_spheres(p, excess))
+                        .flat_map(|p| covering_spheres(p, excess(p)))
                         .map(|(centre, radius)| (carrier_from_link * centre, radius))
                         .collect();
                     if !spheres.is_empty() {
-                        let (group, rank) = if is_hand { (BodyGroup::Hand, n + 1) } else { (BodyGroup::Arm, frame_idx + 1) };
-                        self.moving.push(moving(link.name.clone(), group, frame_idx, rank, spheres));
+                        let group = if is_hand { BodyGroup::Hand } else { BodyGroup::Arm };
+                        self.moving.push(moving(link.name.clone(), group, frame_idx, n_beyond, spheres));
                     }
                 }
             }
@@ -512,31 +564,54 @@ impl CollisionModel {
         Ok(())
     }
 
+    fn is_trunk(&self, body: &Moving) -> bool {
+        body.n_beyond == 0 && self.trunk.get(body.frame_idx).is_some_and(|is_trunk| *is_trunk)
+    }
+
+    /// Links up to two apart cannot meet within the joints' limits, though their balls may.
+    fn may_meet(&self, body: &Moving, other: &Moving) -> bool {
+        if body.frame_idx == other.frame_idx || (self.is_trunk(body) && self.is_trunk(other)) {
+            return false;
+        }
+        // Compiled joints from the link to the base.
+        let way = |body: &Moving| std::iter::successors(Some(body.frame_idx), |idx| self.chain.joint(*idx).parent).collect();
+        let (a, b): (Vec<usize>, Vec<usize>) = (way(body), way(other));
+        let n_shared = a.iter().rev().zip(b.iter().rev()).take_while(|(a, b)| a == b).count();
+        a.len() + b.len() - 2 * n_shared + body.n_beyond + other.n_beyond > 2
+    }
+
     /// Samples configurations to find pairs that touch nearly always.
     fn find_built_contacts(&mut self) {
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let n_samples = 300;
-        let n_own = self.own_bodies.len();
-        let max_rank = self.chain.n_joints() + 2;
-        let mut counts = vec![vec![0_usize; n_own + max_rank]; self.moving.len()];
+        let n = self.moving.len();
+        let mut on_own = vec![vec![0_usize; self.own_bodies.len()]; n];
+        let mut with_other = vec![vec![0_usize; n]; n];
+        let may_meet: Vec<Vec<usize>> =
+            (0..n).map(|idx| (0..idx).filter(|other| self.may_meet(&self.moving[idx], &self.moving[*other])).collect()).collect();
         for _ in 0..n_samples {
             let frames = self.chain.fk_all(&random_q(&self.chain, &mut rng));
+            let centres: Vec<Point> = self.moving.iter().map(|body| frames[body.frame_idx] * body.bound.0).collect();
             for (idx, body) in self.moving.iter().enumerate() {
-                for (body_idx, own) in self.own_bodies.iter().enumerate() {
-                    let to_base = &frames[body.frame_idx];
-                    let touches = near(&(to_base * body.bound.0), body.bound.1, own) && depth(body, to_base, own) > 0.0;
-                    counts[idx][body_idx] += usize::from(touches);
+                let to_base = &frames[body.frame_idx];
+                for (own, count) in self.own_bodies.iter().zip(&mut on_own[idx]) {
+                    *count += usize::from(near(&centres[idx], body.bound.1, own) && depth(body, to_base, own) > 0.0);
                 }
-                for other in self.moving[..idx].iter().filter(|o| may_meet(body, o)) {
-                    let touches = depth_between(body, &frames[body.frame_idx], other, &frames[other.frame_idx]) > 0.0;
-                    counts[idx][n_own + other.rank] += usize::from(touches);
+                for &other_idx in &may_meet[idx] {
+                    let other = &self.moving[other_idx];
+                    let touches = (centres[idx] - centres[other_idx]).norm() < body.bound.1 + other.bound.1
+                        && depth_between(body, to_base, other, &frames[other.frame_idx]) > 0.0;
+                    with_other[idx][other_idx] += usize::from(touches);
                 }
             }
         }
         let least = (BUILT_TOUCHING_SHARE * f64::from(n_samples)) as usize;
-        for (body, row) in self.moving.iter().zip(&counts) {
-            let built = row.iter().enumerate().filter(|(_, n)| **n >= least);
-            self.built_touching.extend(built.map(|(idx, _)| (body.name.clone(), idx)));
+        let often =
+            |counts: &[usize]| counts.iter().enumerate().filter(|(_, n)| **n >= least).map(|(idx, _)| idx).collect::<Vec<_>>();
+        for (idx, body) in self.moving.iter().enumerate() {
+            self.built_on_own.extend(often(&on_own[idx]).into_iter().map(|own_idx| (body.name.clone(), own_idx)));
+            let others = often(&with_other[idx]).into_iter().map(|other| (body.name.clone(), self.moving[other].name.clone()));
+            self.built_touching.extend(others);
         }
         self.index();
     }
@@ -570,9 +645,9 @@ fn fixed(name: String, shape: &Shape, pose: &Pose) -> Fixed {
     }
 }
 
-fn moving(name: String, group: BodyGroup, frame_idx: usize, rank: usize, spheres: Vec<(Point, f64)>) -> Moving {
+fn moving(name: String, group: BodyGroup, frame_idx: usize, n_beyond: usize, spheres: Vec<(Point, f64)>) -> Moving {
     let bound = bound(spheres.iter());
-    Moving { name, group, frame_idx, rank, spheres, bound }
+    Moving { name, group, frame_idx, n_beyond, spheres, bound }
 }
 
 /// A ball about the mean centre that holds all balls.
@@ -580,11 +655,6 @@ fn bound<'a>(spheres: impl Iterator<Item = &'a (Point, f64)> + Clone) -> (Point,
     let n = spheres.clone().count().max(1) as f64;
     let centre = Point::from(spheres.clone().map(|(c, _)| c.coords).sum::<sfg_types::Vector>() / n);
     (centre, spheres.map(|(c, r)| (c - centre).norm() + r).fold(0.0, f64::max))
-}
-
-/// Links up to two apart cannot meet within the joints' limits, though their balls may.
-fn may_meet(body: &Moving, earlier: &Moving) -> bool {
-    body.rank > earlier.rank + 2
 }
 
 fn near(centre: &Point, radius_m: f64, body: &Fixed) -> bool {

@@ -12,6 +12,14 @@ pub enum PlanningError {
         /// The mesh.
         file: String,
     },
+    /// A chain of more joints than the collision model is compiled for.
+    #[error("the chain has {n_joints} joints, mimicking ones included; at most {most} can be planned for: freeze some of them")]
+    TooManyJoints {
+        /// Joints of the chain.
+        n_joints: usize,
+        /// Most joints.
+        most: usize,
+    },
     /// A path of fewer than two configurations, or of configurations of another length.
     #[error("a path needs at least two configurations of {n_joints} joints: {found}")]
     BadPath {
