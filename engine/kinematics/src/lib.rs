@@ -15,6 +15,7 @@ pub mod robot;
 pub mod shape;
 pub mod srdf;
 pub mod tree;
+mod urdf;
 
 pub use chain::{Chain, ChainJoint, JointLimits};
 pub use description::{ArmDescription, CameraDescription, Mount, RobotDescription};

@@ -3,7 +3,8 @@
 use crate::chain::Chain;
 use crate::description::{ArmDescription, RobotDescription, load_hand_profile, pose};
 use crate::error::KinematicsError;
-use crate::tree::{Graft, Tree, read_urdf, root_link, unknown};
+use crate::tree::{Graft, Tree, unknown};
+use crate::urdf::{read_urdf, root_link};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use sfg_types::{CameraIntrinsics, HandProfile, HandSide, Pose};
 use std::path::Path;
@@ -286,6 +287,9 @@ fn arm(
         key: format!("arms.{}.{key}", side.name()),
         message,
     };
+    if arm.joints.is_empty() {
+        return Err(bad("joints", "expected the arm's joints from shoulder to wrist, found none".to_owned()));
+    }
     for (key, values) in [("max_acceleration", &arm.max_acceleration), ("max_jerk", &arm.max_jerk)] {
         if values.len() != arm.joints.len() || !values.iter().all(|v| *v > 0.0 && v.is_finite()) {
             return Err(bad(key, format!("expected {} positive values, found {values:?}", arm.joints.len())));

@@ -283,6 +283,8 @@ fn mistakes_in_the_files_are_named() {
     check_broken("curi.yaml", "panda_left_joint4: -1", "panda_left_joint4: 1", &["home_q.panda_left_joint4", "limits"]);
     check_broken("curi.yaml", "panda_left_joint1: ", "panda_lft_joint1: ", &["home_q.panda_lft_joint1", "panda_left_joint1"]);
     check_broken("curi.yaml", "max_jerk: [7500.0, ", "max_jerk: [", &["arms.left.max_jerk", "7 positive"]);
+    check_broken("curi.yaml", "joints: [panda_left_joint1,", "joints: [] #", &["arms.left.joints", "found none"]);
+    check_broken("curi.urdf", "<limit lower=\"-2.8973\"", "<limit lower=\"nan\"", &["curi.urdf", "panda_left_joint1", "NaN"]);
     check_broken("curi.yaml", "mount_link: torso_end", "mount_link: torso", &["cameras.left.mount_link", "torso"]);
     check_broken("curi.urdf", "</robot>", "", &["curi.urdf"]);
     check_broken("curi.urdf", "<parent link=\"base\"/>", "<parent link=\"bse\"/>", &["curi.urdf", "bse"]);

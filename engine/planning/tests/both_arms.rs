@@ -8,7 +8,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use sfg_kinematics::ik::random_q;
 use sfg_kinematics::robot::GROUPS;
-use sfg_kinematics::{Chain, RobotModel, Shape};
+use sfg_kinematics::{Chain, Primitive, RobotModel, Shape};
 use sfg_planning::{BodyGroup, CollisionModel, CollisionSettings, Obstacle, PlanOutcome, Planner, RrtConnect, SelfPairs};
 use sfg_types::{HandSide, Point, Pose};
 use std::path::Path;
@@ -112,6 +112,17 @@ fn hands_keep_their_permissions_and_too_many_joints_are_refused() {
         CollisionModel::of_tree(&model.tree, chain, None, &model.home_q, SelfPairs::Sampled, CollisionSettings::default());
     let message = error.unwrap_err().to_string();
     assert!(message.contains("at most 24 can be planned for"), "{message}");
+}
+
+#[test]
+fn a_mesh_is_refused_by_name() {
+    let mut model = curi();
+    let idx = model.tree.link_idx("panda_left_link3").unwrap();
+    let mesh = Shape::Mesh { file: "package://nowhere/arm.stl".to_owned() };
+    model.tree.links[idx].collision.push(Primitive { shape: mesh, link_from_shape: Pose::identity() });
+    let group = model.group("both").unwrap();
+    let error = CollisionModel::of_group(&model, &group, &model.home_q, CollisionSettings::default()).unwrap_err().to_string();
+    assert!(error.contains("panda_left_link3") && error.contains("package://nowhere/arm.stl"), "{error}");
 }
 
 /// A free configuration with the palms in two boxes: low and high corner of each.
