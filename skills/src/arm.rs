@@ -286,6 +286,9 @@ impl<'a> ArmScene<'a> {
             PlanOutcome::OutsideLimits { joint, value, lower, upper } => {
                 return Err(format!("joint {joint:?} at {value:.3} rad is outside [{lower:.3}, {upper:.3}]"));
             }
+            PlanOutcome::AxisNotKept { tip, angle_rad, max_angle_rad, .. } => {
+                return Err(format!("{tip} is tilted by {angle_rad:.2} rad; at most {max_angle_rad:.2} is allowed"));
+            }
             PlanOutcome::NotFound { iterations } => return Err(format!("none found in {iterations} iterations")),
         };
         let trajectory = self.stoppable(speed, &self.free, |speed_fraction| {

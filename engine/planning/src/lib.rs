@@ -9,6 +9,7 @@ pub mod cartesian;
 pub mod collision;
 pub mod error;
 pub mod exact;
+pub mod keep;
 mod lanes;
 pub mod occupancy;
 pub mod planner;
@@ -24,6 +25,7 @@ pub use cartesian::{CartesianOutcome, CartesianSettings, CartesianStop, cartesia
 pub use collision::{BodyGroup, BodySphere, CollisionModel, CollisionSettings, Contact, Gap, SelfPairs};
 pub use error::PlanningError;
 pub use exact::verify_exact;
+pub use keep::KeepAxis;
 pub use occupancy::{Occupancy, Voxel};
 pub use planner::{PlanOutcome, Planner, RawPath, RrtConnect, RrtSettings};
 pub use points::PointObstacles;

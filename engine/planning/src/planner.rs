@@ -1,6 +1,7 @@
 //! From a configuration to one of several goals without touching anything.
 
 use crate::collision::{CollisionModel, Contact, distance, mix};
+use crate::keep::{KeepAxis, project};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -31,6 +32,17 @@ pub enum PlanOutcome {
         lower: f64,
         /// Upper limit.
         upper: f64,
+    },
+    /// The start, or every goal that is inside the limits and free, turns an axis farther than it may.
+    AxisNotKept {
+        /// Index of the first such goal; `None` for the start.
+        goal_idx: Option<usize>,
+        /// Link at the tip.
+        tip: String,
+        /// The angle, radians.
+        angle_rad: f64,
+        /// The largest allowed one.
+        max_angle_rad: f64,
     },
     /// The budget is used up (or there was no goal).
     NotFound {
@@ -63,6 +75,10 @@ pub struct RrtSettings {
     pub acceptance_checks_per_rad: f64,
     /// Attempts to cut a corner. Default 60.
     pub shortcut_attempts: usize,
+    /// Axes of tips to keep near a direction along the whole way. None by default.
+    pub keep_axes: Vec<KeepAxis>,
+    /// Longest growth step while axes are kept: the way to a projected sample is straight. Default 0.3 rad.
+    pub keep_range_rad: f64,
 }
 
 impl Default for RrtSettings {
@@ -74,6 +90,8 @@ impl Default for RrtSettings {
             edge_step_rad: 1.0 / 32.0,
             acceptance_checks_per_rad: 512.0,
             shortcut_attempts: 60,
+            keep_axes: Vec::new(),
+            keep_range_rad: 0.3,
         }
     }
 }
@@ -223,8 +241,8 @@ impl RrtConnect {
         step_rad: f64,
         seed: u64,
     ) -> Result<RawPath, PlanOutcome> {
-        let free_goals = free_ends(collision, start, goals)?;
-        if let Some(goal) = free_goals.iter().find(|goal| collision.is_free_between(start, goal, step_rad)) {
+        let free_goals = self.free_ends(collision, start, goals)?;
+        if let Some(goal) = free_goals.iter().find(|goal| self.is_good_between(collision, start, goal, step_rad)) {
             return Ok(RawPath { path: vec![start.to_vec(), goal.to_vec()], iterations: 0 });
         }
         let n = start.len();
@@ -266,7 +284,13 @@ impl RrtConnect {
         Err(PlanOutcome::NotFound { iterations: most })
     }
 
-    /// The node at `target`, or one step towards it.
+    /// Whether the straight way is free and keeps the axes, looked at every `step_rad`.
+    fn is_good_between(&self, collision: &CollisionModel, a: &[f64], b: &[f64], step_rad: f64) -> bool {
+        self.settings.keep_axes.iter().all(|keep| keep.holds_between(collision.chain(), a, b, step_rad))
+            && collision.is_free_between(a, b, step_rad)
+    }
+
+    /// The node at `target`, or one step towards it, moved to where the axes are kept.
     fn extend(
         &self,
         collision: &CollisionModel,
@@ -277,12 +301,23 @@ impl RrtConnect {
         next: &mut [f64],
     ) -> Option<usize> {
         let at = tree.get(from);
-        let share = (self.settings.range_rad / distance(at, target).max(1e-12)).min(1.0);
+        let keep_axes = &self.settings.keep_axes;
+        let range_rad = if keep_axes.is_empty() { self.settings.range_rad } else { self.settings.keep_range_rad };
+        let gap = distance(at, target);
+        let share = (range_rad / gap.max(1e-12)).min(1.0);
         for ((next, a), b) in next.iter_mut().zip(at).zip(target) {
             // The very target when it is reached.
             *next = if share < 1.0 { a + share * (b - a) } else { *b };
         }
-        collision.is_free_between(at, next, step_rad).then(|| tree.add(next, from))
+        if !keep_axes.is_empty() {
+            // What is projected back to where it came from is no step.
+            let is_step =
+                project(keep_axes, collision.chain(), next) && gap - distance(next, target) > LEAST_STEP * range_rad.min(gap);
+            if !is_step {
+                return None;
+            }
+        }
+        self.is_good_between(collision, at, next, step_rad).then(|| tree.add(next, from))
     }
 
     /// A shorter path through fewer corners, free when looked at every `step_rad`.
@@ -290,7 +325,7 @@ impl RrtConnect {
     pub fn simplify(&self, collision: &CollisionModel, path: Vec<Vec<f64>>, step_rad: f64, seed: u64) -> Vec<Vec<f64>> {
         let mut path = path;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        skip_corners(collision, &mut path, step_rad);
+        self.skip_corners(collision, &mut path, step_rad);
         for _ in 0..self.settings.shortcut_attempts {
             if path.len() < 3 {
                 break;
@@ -300,65 +335,91 @@ impl RrtConnect {
             let ((i, q_a), (j, q_b)) = (point_at(&path, a.min(b)), point_at(&path, a.max(b)));
             // What is nearly straight already costs a check and saves nothing.
             let is_worthwhile = distance(&q_a, &q_b) < (1.0 - LEAST_GAIN) * (a - b).abs();
-            if i == j || !is_worthwhile || !collision.is_free_between(&q_a, &q_b, step_rad) {
+            if i == j || !is_worthwhile || !self.is_good_between(collision, &q_a, &q_b, step_rad) {
                 continue;
             }
             path.splice(i + 1..=j, [q_a, q_b]);
         }
         path.dedup_by(|a, b| distance(a, b) < 1e-9);
-        skip_corners(collision, &mut path, step_rad);
+        self.skip_corners(collision, &mut path, step_rad);
         path
     }
 
-    /// Whether the path is free at the acceptance resolution.
+    /// Whether the path is free and keeps the axes at the acceptance resolution.
     #[must_use]
     pub fn accepts(&self, collision: &CollisionModel, path: &[Vec<f64>]) -> bool {
         let step_rad = 1.0 / self.settings.acceptance_checks_per_rad;
-        path.windows(2).all(|pair| collision.is_free_closely(&pair[0], &pair[1], step_rad))
+        let keeps = |a: &[f64], b: &[f64]| {
+            self.settings.keep_axes.iter().all(|keep| keep.holds_between(collision.chain(), a, b, step_rad))
+        };
+        path.windows(2).all(|pair| collision.is_free_closely(&pair[0], &pair[1], step_rad) && keeps(&pair[0], &pair[1]))
+    }
+
+    /// Leaves out every corner that can be left out.
+    fn skip_corners(&self, collision: &CollisionModel, path: &mut Vec<Vec<f64>>, step_rad: f64) {
+        let mut idx = 1;
+        while idx + 1 < path.len() {
+            if self.is_good_between(collision, &path[idx - 1], &path[idx + 1], step_rad) {
+                path.remove(idx);
+                idx = idx.saturating_sub(1).max(1);
+            } else {
+                idx += 1;
+            }
+        }
+    }
+
+    /// The goals that can be reached at all, the nearest first; or why there are none.
+    fn free_ends<'a>(
+        &self,
+        collision: &CollisionModel,
+        start: &[f64],
+        goals: &'a [Vec<f64>],
+    ) -> Result<Vec<&'a Vec<f64>>, PlanOutcome> {
+        if let Some(outcome) = outside_limits(collision, start) {
+            return Err(outcome);
+        }
+        if let Some(contact) = collision.contact(start) {
+            return Err(PlanOutcome::StartInCollision { contact });
+        }
+        if let Some(outcome) = self.axis_not_kept(collision, start, None) {
+            return Err(outcome);
+        }
+        let mut free = Vec::new();
+        let (mut first_turned, mut first_contact, mut first_outside) = (None, None, None);
+        for (goal_idx, goal) in goals.iter().enumerate() {
+            if let Some(outcome) = outside_limits(collision, goal) {
+                first_outside.get_or_insert(outcome);
+            } else if let Some(contact) = collision.contact(goal) {
+                first_contact.get_or_insert(PlanOutcome::GoalInCollision { goal_idx, contact });
+            } else if let Some(outcome) = self.axis_not_kept(collision, goal, Some(goal_idx)) {
+                first_turned.get_or_insert(outcome);
+            } else {
+                free.push(goal);
+            }
+        }
+        if free.is_empty() {
+            return Err(first_turned.or(first_contact).or(first_outside).unwrap_or(PlanOutcome::NotFound { iterations: 0 }));
+        }
+        free.sort_by(|a, b| distance(start, a).total_cmp(&distance(start, b)));
+        Ok(free)
+    }
+
+    fn axis_not_kept(&self, collision: &CollisionModel, q: &[f64], goal_idx: Option<usize>) -> Option<PlanOutcome> {
+        let chain = collision.chain();
+        let keep = self.settings.keep_axes.iter().find(|keep| !keep.holds(chain, q))?;
+        Some(PlanOutcome::AxisNotKept {
+            goal_idx,
+            tip: chain.tip_names[keep.tip_idx].clone(),
+            angle_rad: keep.angle_rad(chain, q),
+            max_angle_rad: keep.max_angle_rad,
+        })
     }
 }
 
 /// A shortcut saves at least this share of the way that it replaces.
 const LEAST_GAIN: f64 = 0.02;
-
-/// Leaves out every corner that can be left out.
-fn skip_corners(collision: &CollisionModel, path: &mut Vec<Vec<f64>>, step_rad: f64) {
-    let mut idx = 1;
-    while idx + 1 < path.len() {
-        if collision.is_free_between(&path[idx - 1], &path[idx + 1], step_rad) {
-            path.remove(idx);
-            idx = idx.saturating_sub(1).max(1);
-        } else {
-            idx += 1;
-        }
-    }
-}
-
-/// The goals that can be reached at all, the nearest first; or why there are none.
-fn free_ends<'a>(collision: &CollisionModel, start: &[f64], goals: &'a [Vec<f64>]) -> Result<Vec<&'a Vec<f64>>, PlanOutcome> {
-    if let Some(outcome) = outside_limits(collision, start) {
-        return Err(outcome);
-    }
-    if let Some(contact) = collision.contact(start) {
-        return Err(PlanOutcome::StartInCollision { contact });
-    }
-    let mut free = Vec::new();
-    let (mut first_contact, mut first_outside) = (None, None);
-    for (goal_idx, goal) in goals.iter().enumerate() {
-        if let Some(outcome) = outside_limits(collision, goal) {
-            first_outside.get_or_insert(outcome);
-        } else if let Some(contact) = collision.contact(goal) {
-            first_contact.get_or_insert(PlanOutcome::GoalInCollision { goal_idx, contact });
-        } else {
-            free.push(goal);
-        }
-    }
-    if free.is_empty() {
-        return Err(first_contact.or(first_outside).unwrap_or(PlanOutcome::NotFound { iterations: 0 }));
-    }
-    free.sort_by(|a, b| distance(start, a).total_cmp(&distance(start, b)));
-    Ok(free)
-}
+/// A growth step gains at least this share of its length on its target after it was projected.
+const LEAST_STEP: f64 = 0.1;
 
 /// The segment and the configuration at arc length `at` of a path.
 fn point_at(path: &[Vec<f64>], at: f64) -> (usize, Vec<f64>) {
