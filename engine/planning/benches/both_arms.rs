@@ -66,9 +66,14 @@ fn measure(model: &RobotModel, name: &str, tilt_deg: Option<f64>, n: usize, seed
     let planner = RrtConnect { settings: RrtSettings { keep_axes: keep_axes.clone(), ..RrtSettings::default() } };
     let (mut times, mut n_direct, mut n_solved, mut n_corners) = (Vec::new(), 0, 0, 0);
     for (idx, (start, goal)) in pairs.iter().enumerate() {
-        let begin = Instant::now();
-        let outcome = planner.plan(&collision, start, std::slice::from_ref(goal), idx as u64);
-        times.push(begin.elapsed().as_secs_f64() * 1e3);
+        let solve = || {
+            let begin = Instant::now();
+            let outcome = planner.plan(&collision, start, std::slice::from_ref(goal), idx as u64);
+            (begin.elapsed().as_secs_f64() * 1e3, outcome)
+        };
+        // The least of three, as other work may come between.
+        let (first, outcome) = solve();
+        times.push(first.min(solve().0).min(solve().0));
         if let PlanOutcome::Found(path) = outcome {
             assert!(path.windows(2).all(|pair| keep_axes.iter().all(|keep| keep.holds_between(
                 chain,

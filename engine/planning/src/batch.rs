@@ -430,15 +430,24 @@ fn touches(batch: &Batch, q: &[Lanes], moved: Moved) -> bool {
             continue;
         }
         for (first, second) in pairs {
-            let (first, second) = (&batch.bodies[*first], &batch.bodies[*second]);
-            let gap = minus(&frames.place(a.joint_idx, &first.bound), &frames.place(b.joint_idx, &second.bound));
-            if !within(&gap, first.bound.radius + second.bound.radius + moved.pair) {
+            let mut sides = [(a.joint_idx, &batch.bodies[*first]), (b.joint_idx, &batch.bodies[*second])];
+            // Few balls of the body with more of them come near the other body.
+            if sides[0].1.balls.len() < sides[1].1.balls.len() {
+                sides.swap(0, 1);
+            }
+            let [(many_idx, many), (few_idx, few)] = sides;
+            let few_centre = frames.place(few_idx, &few.bound);
+            let gap = minus(&frames.place(many_idx, &many.bound), &few_centre);
+            if !within(&gap, many.bound.radius + few.bound.radius + moved.pair) {
                 continue;
             }
-            for ball in &batch.balls[first.balls.clone()] {
-                let centre = frames.place(a.joint_idx, ball);
-                for other in &batch.balls[second.balls.clone()] {
-                    if within(&minus(&centre, &frames.place(b.joint_idx, other)), ball.radius + other.radius + moved.pair) {
+            for ball in &batch.balls[many.balls.clone()] {
+                let centre = frames.place(many_idx, ball);
+                if few.balls.len() > 1 && !within(&minus(&centre, &few_centre), ball.radius + few.bound.radius + moved.pair) {
+                    continue;
+                }
+                for other in &batch.balls[few.balls.clone()] {
+                    if within(&minus(&centre, &frames.place(few_idx, other)), ball.radius + other.radius + moved.pair) {
                         return true;
                     }
                 }
