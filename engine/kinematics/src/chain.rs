@@ -47,8 +47,8 @@ impl Frame {
 
 /// Joints from a base link to one or several tip links; joints between that are not asked for are frozen.
 ///
-/// Poses are in the base link's frame. Joints that mimic a joint of the chain move with it, those beside the way to a tip as well, so
-/// there can be more compiled joints than values in a configuration.
+/// Poses are in the base link's frame. Joints that mimic a joint of the chain move with it, those beside the way to a tip as
+/// well, so there can be more compiled joints than values in a configuration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chain {
     /// Names of the joints of a configuration, base to tip; of two branches the one first that comes first in the URDF.
@@ -218,7 +218,8 @@ impl Chain {
         Ok(chain)
     }
 
-    /// The chain `base_link` -> `tip_link` with every joint that moves something between them; the others keep their value in `frozen_q`.
+    /// The chain `base_link` -> `tip_link` with every joint that moves something between them; the others keep their value in
+    /// `frozen_q`.
     ///
     /// # Errors
     /// As [`Self::new`].

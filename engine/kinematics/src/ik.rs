@@ -102,7 +102,8 @@ impl IkSolver {
     /// Tips that share no joint are solved one after the other, with a budget each; tips that share some descend together.
     ///
     /// # Panics
-    /// If a configuration has not one value for each joint, there is not one target for each tip, or more than four tips share joints.
+    /// If a configuration has not one value for each joint, there is not one target for each tip, or more than four tips share
+    /// joints.
     #[must_use]
     pub fn solve_tips(
         chain: &Chain,
@@ -150,7 +151,8 @@ impl IkSolver {
         Self::solve_tips_several(chain, std::slice::from_ref(base_from_tip), seed_q, n, settings, rng)
     }
 
-    /// As [`Self::solve_several`] with a target for each tip; where tips share no joint, each solution of one goes with each of the other.
+    /// As [`Self::solve_several`] with a target for each tip; where tips share no joint, each solution of one goes with each of
+    /// the other.
     ///
     /// # Panics
     /// As [`Self::solve_tips`].
@@ -324,8 +326,8 @@ impl<'a, const ROWS: usize> Descent<'a, ROWS> {
         found
     }
 
-    /// Where a descent starts: the first at `q` itself, the others at random, though tips that the last one brought near mostly keep
-    /// their joints.
+    /// Where a descent starts: the first at `q` itself, the others at random, though tips that the last one brought near mostly
+    /// keep their joints.
     fn begin(&mut self, start: usize, q: &mut [f64], rng: &mut ChaCha8Rng) {
         if start > 0 {
             let (error, within) = self.error(q);

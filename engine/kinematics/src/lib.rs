@@ -1,8 +1,8 @@
 //! URDF to compiled chain: forward kinematics, Jacobian, inverse kinematics.
 //!
 //! [`RobotModel::load`] reads a robot description (`scenarios/robots/curi.yaml`), its URDF and the hands that it names, and
-//! compiles them to one tree. [`RobotModel::arm_chain`] cuts the seven joints of an arm out of it, [`RobotModel::group`] both arms or
-//! arms with the torso; [`IkSolver`] inverts that chain.
+//! compiles them to one tree. [`RobotModel::arm_chain`] cuts the seven joints of an arm out of it, [`RobotModel::group`] both
+//! arms or arms with the torso; [`IkSolver`] inverts that chain.
 //! The crate knows no obstacles and no time.
 
 pub mod chain;

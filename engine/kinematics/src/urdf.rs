@@ -1,7 +1,7 @@
 //! What must hold of a URDF before it is compiled: one tree, limits where joints need them, numbers that are numbers.
 //!
-//! Accepted with a stated meaning: a link without mass (a frame), a continuous or mimicking joint without `<limit>` (none of its own),
-//! infinite velocity and effort (no limit), meshes (kept by name and never read, so their paths need not resolve).
+//! Accepted with a stated meaning: a link without mass (a frame), a continuous or mimicking joint without `<limit>` (none of its
+//! own), infinite velocity and effort (no limit), meshes (kept by name and never read, so their paths need not resolve).
 
 use crate::error::KinematicsError;
 use std::collections::BTreeMap;
@@ -258,7 +258,8 @@ mod tests {
     fn masses_and_numbers_make_sense() {
         let inertial = |mass: &str, ixx: &str| {
             format!(
-                "<link name='b'><inertial><mass value='{mass}'/><inertia ixx='{ixx}' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link>"
+                "<link name='b'><inertial><mass value='{mass}'/>\
+                 <inertia ixx='{ixx}' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link>"
             )
         };
         refuse(&inertial("-0.1", "1"), "link \"b\" has mass -0.1");

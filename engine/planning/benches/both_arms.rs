@@ -91,6 +91,7 @@ fn measure(model: &RobotModel, name: &str, tilt_deg: Option<f64>, n: usize, seed
     let (median, p95, max) = (at(0.5), at(0.95), at(1.0));
     let tilt = tilt_deg.map(|tilt| format!(" within {tilt} degrees")).unwrap_or_default();
     println!(
-        "{name}{tilt}: {n_solved}/{n} solved ({n_direct} straight, {n_corners} corners in all); median {median:.2} ms, p95 {p95:.1} ms, max {max:.0} ms"
+        "{name}{tilt}: {n_solved}/{n} solved ({n_direct} straight, {n_corners} corners in all); \
+         median {median:.2} ms, p95 {p95:.1} ms, max {max:.0} ms"
     );
 }

@@ -205,7 +205,8 @@ impl Batch {
 
     /// Whether the straight way from `a` to `b` is free when looked at every `step_rad`, ends included.
     ///
-    /// Stretches on which nothing comes nearer than the farthest ball can move are passed over: those are free between the looks, too.
+    /// Stretches on which nothing comes nearer than the farthest ball can move are passed over: those are free between the
+    /// looks, too.
     pub(crate) fn is_free_closely(&self, a: &[f64], b: &[f64], step_rad: f64) -> bool {
         let length = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
         is_free_closely(self, a, b, (length / step_rad).max(1.0), self.moved(a, b))

@@ -153,10 +153,12 @@ impl CollisionModel {
         Self::build(&model.tree, model.arm_chain(side).clone(), hand_roots, Vec::new(), q, SelfPairs::Sampled, settings)
     }
 
-    /// The robot without obstacles: a group of joints moves ([`RobotModel::group`]), all else stays as in the whole-robot configuration `q`.
+    /// The robot without obstacles: a group of joints moves ([`RobotModel::group`]), all else stays as in the whole-robot
+    /// configuration `q`.
     ///
-    /// Arms of the group are looked at for touching each other; each of its hands is a hand. Links of a moving torso are looked at for
-    /// touching arms and the world, but not each other or the base: as drawn their boxes overlap, and their joints' limits keep them apart.
+    /// Arms of the group are looked at for touching each other; each of its hands is a hand. Links of a moving torso are looked
+    /// at for touching arms and the world, but not each other or the base: as drawn their boxes overlap, and their joints'
+    /// limits keep them apart.
     ///
     /// # Errors
     /// [`PlanningError::MeshShape`] and [`PlanningError::TooManyJoints`].
@@ -174,8 +176,8 @@ impl CollisionModel {
         Self::build(&model.tree, group.chain.clone(), group.hand_root_links.clone(), trunk, q, SelfPairs::Sampled, settings)
     }
 
-    /// Any robot without obstacles: what hangs on `chain` moves, all else stays as in the configuration `q` of the whole tree. Links
-    /// from `hand_root` on are the hand.
+    /// Any robot without obstacles: what hangs on `chain` moves, all else stays as in the configuration `q` of the whole tree.
+    /// Links from `hand_root` on are the hand.
     ///
     /// # Errors
     /// [`PlanningError::MeshShape`] and [`PlanningError::TooManyJoints`].
@@ -338,8 +340,8 @@ impl CollisionModel {
         self.batch.is_free_between(a, b, step_rad)
     }
 
-    /// As [`Self::is_free_between`] with both ends included, for small steps: stretches far from everything are passed over by a bound on
-    /// how far the arm can move there.
+    /// As [`Self::is_free_between`] with both ends included, for small steps: stretches far from everything are passed over by a
+    /// bound on how far the arm can move there.
     #[must_use]
     pub fn is_free_closely(&self, a: &[f64], b: &[f64], step_rad: f64) -> bool {
         self.batch.is_free_closely(a, b, step_rad)

@@ -7,8 +7,8 @@ use sfg_types::Vector;
 
 /// The angle between an axis of a tip and a direction is at most so large.
 ///
-/// Planners keep it on the straight ways between corners. [`crate::retime`] rounds the corners afterwards and does not look at it: ask
-/// for a little less than what spills (in nine plans of one and two arms the default rounding added at most 0.6 mrad).
+/// Planners keep it on the straight ways between corners. [`crate::retime`] rounds the corners afterwards and does not look at
+/// it: ask for a little less than what spills (in nine plans of one and two arms the default rounding added at most 0.6 mrad).
 #[derive(Clone, Debug, PartialEq)]
 pub struct KeepAxis {
     /// Which tip of the chain.
