@@ -110,7 +110,7 @@ impl Robot {
 
     /// What the arm must not touch from now on: the filter stops before it. At first the robot itself.
     pub fn guard(&mut self, mut world: CollisionModel) {
-        world.set_clearance(guarding().clearance_m);
+        world.set_clearance(0.0, 0.0);
         self.arm_filter.set_world(Some(world));
     }
 
@@ -120,7 +120,7 @@ impl Robot {
     /// If the trajectory is not one of this arm.
     #[must_use]
     pub fn rehearse(&self, trajectory: &JointTrajectory, mut world: CollisionModel) -> Option<Intervention> {
-        world.set_clearance(guarding().clearance_m);
+        world.set_clearance(0.0, 0.0);
         let start = trajectory.sample(0.0).0;
         let mut filter = SafetyFilter::new(self.arm_filter.chain().clone(), &start, self.period_secs, self.settings.clone());
         filter.set_world(Some(world));
@@ -400,5 +400,5 @@ impl Robot {
 
 /// Distances that the filter keeps: those of the planner but for its clearance, so that what was planned passes.
 fn guarding() -> CollisionSettings {
-    CollisionSettings { clearance_m: 0.0, ..CollisionSettings::default() }
+    CollisionSettings { clearance_m: 0.0, self_clearance_m: 0.0, ..CollisionSettings::default() }
 }

@@ -95,7 +95,7 @@ pub(crate) fn run(command: &PlanCommand) -> Result<ExitCode> {
     let tree = Tree::load(&options.urdf).map_err(|error| BadInput(error.to_string()))?;
     let srdf = Srdf::load(&options.srdf).map_err(|error| BadInput(error.to_string()))?;
     let chain = chain_of(&tree, &srdf, options)?;
-    let settings = CollisionSettings { arm_excess_m: 0.0, hand_excess_m: 0.0, clearance_m: 0.0 };
+    let settings = CollisionSettings { arm_excess_m: 0.0, hand_excess_m: 0.0, clearance_m: 0.0, self_clearance_m: 0.0 };
     let pairs = SelfPairs::AllBut(srdf.disabled_pairs.clone());
     let rest_q = vec![0.0; tree.n_q()];
     let empty =

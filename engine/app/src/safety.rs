@@ -130,7 +130,7 @@ pub(crate) fn run(assets: &Assets, SafetyCommand::Bench(options): &SafetyCommand
         BadInput(format!("no robot is called {:?}; the assets have {known}", options.robot))
     })?;
     let model = RobotModel::load(path).map_err(|error| BadInput(error.to_string()))?;
-    let settings = CollisionSettings { clearance_m: 0.0, ..CollisionSettings::default() };
+    let settings = CollisionSettings { clearance_m: 0.0, self_clearance_m: 0.0, ..CollisionSettings::default() };
     let empty =
         CollisionModel::new(&model, HandSide::Left, &model.home_q, settings).map_err(|error| BadInput(error.to_string()))?;
     let bench = Bench { options, model, empty };
@@ -241,7 +241,8 @@ impl Bench<'_> {
         let none = |why: &str| Planned { trial, speed: None, largest_change_rad: 0.0, why: Some(why.to_owned()) };
         // The planner keeps its usual clearance.
         let mut careful = scene.world.clone();
-        careful.set_clearance(CollisionSettings::default().clearance_m);
+        let usual = CollisionSettings::default();
+        careful.set_clearance(usual.clearance_m, usual.self_clearance_m);
         let mut path = None;
         for seed in 0..50 {
             let (from, to) = (random_q(careful.chain(), &mut scene.rng), random_q(careful.chain(), &mut scene.rng));

@@ -94,6 +94,8 @@ pub(crate) struct Batch {
     meetings: Vec<Meeting>,
     points: Option<PointObstacles>,
     points_margin: f32,
+    /// Distance that bodies of two clusters keep.
+    self_margin: f32,
     // Bodies that may touch the cloud.
     may_touch_points: Vec<bool>,
 }
@@ -181,6 +183,11 @@ impl Batch {
         if !pairs.is_empty() {
             self.meetings.push(Meeting { clusters, pairs });
         }
+    }
+
+    /// Sets the distance that moving bodies keep from each other.
+    pub(crate) fn set_self_margin(&mut self, margin_m: f64) {
+        self.self_margin = margin_m as f32;
     }
 
     /// Sets the cloud.
@@ -395,7 +402,7 @@ fn frames(joints: &[Joint], q: &[Lanes]) -> Frames {
 /// Whether anything touches in any of the eight configurations.
 #[inline(always)]
 fn touches(batch: &Batch, q: &[Lanes], moved: Moved) -> bool {
-    let inflation = moved.ball;
+    let (inflation, pair) = (moved.ball, moved.pair + batch.self_margin);
     let frames = frames(&batch.joints, q);
     let n_bodies = batch.bodies.len();
     let mut cluster_centres = [[Lanes::splat(0.0); 3]; MAX_CLUSTERS];
@@ -427,7 +434,7 @@ fn touches(batch: &Batch, q: &[Lanes], moved: Moved) -> bool {
     for Meeting { clusters, pairs } in &batch.meetings {
         let (a, b) = (&batch.clusters[clusters.0], &batch.clusters[clusters.1]);
         let gap = minus(&cluster_centres[clusters.0], &cluster_centres[clusters.1]);
-        if !within(&gap, a.bound.radius + b.bound.radius + moved.pair) {
+        if !within(&gap, a.bound.radius + b.bound.radius + pair) {
             continue;
         }
         for (first, second) in pairs {
@@ -439,16 +446,16 @@ fn touches(batch: &Batch, q: &[Lanes], moved: Moved) -> bool {
             let [(many_idx, many), (few_idx, few)] = sides;
             let few_centre = frames.place(few_idx, &few.bound);
             let gap = minus(&frames.place(many_idx, &many.bound), &few_centre);
-            if !within(&gap, many.bound.radius + few.bound.radius + moved.pair) {
+            if !within(&gap, many.bound.radius + few.bound.radius + pair) {
                 continue;
             }
             for ball in &batch.balls[many.balls.clone()] {
                 let centre = frames.place(many_idx, ball);
-                if few.balls.len() > 1 && !within(&minus(&centre, &few_centre), ball.radius + few.bound.radius + moved.pair) {
+                if few.balls.len() > 1 && !within(&minus(&centre, &few_centre), ball.radius + few.bound.radius + pair) {
                     continue;
                 }
                 for other in &batch.balls[few.balls.clone()] {
-                    if within(&minus(&centre, &frames.place(few_idx, other)), ball.radius + other.radius + moved.pair) {
+                    if within(&minus(&centre, &frames.place(few_idx, other)), ball.radius + other.radius + pair) {
                         return true;
                     }
                 }

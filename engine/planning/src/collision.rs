@@ -27,11 +27,14 @@ pub struct CollisionSettings {
     pub hand_excess_m: f64,
     /// Distance to keep from obstacles. Default 0.005 m: the simulated arm tracks within 1 mm, the cameras see within 3 mm.
     pub clearance_m: f64,
+    /// Distance that the robot's own links keep from each other. Default 0.003 m: from any configuration that is free by so much, the
+    /// safety filter lets the arm go on.
+    pub self_clearance_m: f64,
 }
 
 impl Default for CollisionSettings {
     fn default() -> Self {
-        Self { arm_excess_m: 0.008, hand_excess_m: 0.004, clearance_m: 0.005 }
+        Self { arm_excess_m: 0.008, hand_excess_m: 0.004, clearance_m: 0.005, self_clearance_m: 0.003 }
     }
 }
 
@@ -107,6 +110,8 @@ pub struct CollisionModel {
     chain: Chain,
     settings: CollisionSettings,
     hand_roots: Vec<String>,
+    // Links that carry joints, by compiled joint.
+    carriers: Vec<String>,
     // Whether a link of the chain belongs to the torso; empty when none does.
     trunk: Vec<bool>,
     self_pairs: SelfPairs,
@@ -212,6 +217,7 @@ impl CollisionModel {
             chain,
             settings,
             hand_roots,
+            carriers: Vec::new(),
             trunk,
             self_pairs,
             moving: Vec::new(),
@@ -366,7 +372,7 @@ impl CollisionModel {
             }
             first_only && worst.is_some()
         };
-        let margin = self.settings.clearance_m;
+        let (margin, own_margin) = (self.settings.clearance_m, self.settings.self_clearance_m);
         for cluster in &self.clusters {
             let to_base = &frames[cluster.frame_idx];
             let (centre, reach) = (to_base * cluster.bound.0, cluster.bound.1);
@@ -391,11 +397,11 @@ impl CollisionModel {
                     }
                 }
             }
-            for (own_idx, own) in self.own_bodies.iter().enumerate().filter(|(_, own)| near(&centre, reach, own)) {
+            for (own_idx, own) in self.own_bodies.iter().enumerate().filter(|(_, own)| near(&centre, reach + own_margin, own)) {
                 for (idx, body) in bodies() {
                     if !self.ignored[idx][own_idx]
-                        && near(&bounds[idx], body.bound.1, own)
-                        && note(&body.name, &own.name, depth(body, to_base, own))
+                        && near(&bounds[idx], body.bound.1 + own_margin, own)
+                        && note(&body.name, &own.name, depth(body, to_base, own) + own_margin)
                     {
                         return worst;
                     }
@@ -403,16 +409,16 @@ impl CollisionModel {
             }
             for other in self.clusters.iter().take_while(|o| o.bodies.start < cluster.bodies.start) {
                 let other_to_base = &frames[other.frame_idx];
-                if (centre - other_to_base * other.bound.0).norm() > reach + other.bound.1 {
+                if (centre - other_to_base * other.bound.0).norm() > reach + other.bound.1 + own_margin {
                     continue;
                 }
                 for (idx, body) in bodies() {
                     for other_idx in other.bodies.clone() {
                         let against = &self.moving[other_idx];
                         let gap = (bounds[idx] - bounds[other_idx]).norm() - body.bound.1 - against.bound.1;
-                        if gap < 0.0
+                        if gap < own_margin
                             && self.guarded[idx][other_idx]
-                            && note(&body.name, &against.name, depth_between(body, to_base, against, other_to_base))
+                            && note(&body.name, &against.name, depth_between(body, to_base, against, other_to_base) + own_margin)
                         {
                             return worst;
                         }

@@ -18,7 +18,7 @@ fn curi() -> RobotModel {
 }
 
 fn world(model: &RobotModel) -> CollisionModel {
-    let settings = CollisionSettings { clearance_m: 0.0, ..CollisionSettings::default() };
+    let settings = CollisionSettings { clearance_m: 0.0, self_clearance_m: 0.0, ..CollisionSettings::default() };
     let mut world = CollisionModel::new(model, HandSide::Left, &model.home_q, settings).unwrap();
     let table = Shape::Cuboid { half_extents_m: Vector3::new(0.35, 0.7, 0.02) };
     let post = Shape::Cylinder { radius_m: 0.03, half_length_m: 0.15 };

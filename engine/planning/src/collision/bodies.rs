@@ -1,6 +1,8 @@
 //! Which bodies move with the chain, which must not meet, and all of it compiled for eight configurations at once.
 
-use super::{BodyGroup, Cluster, CollisionModel, Moving, POINTS, SelfPairs, bound, depth, depth_between, fixed, moving, near};
+use super::{
+    BodyGroup, Cluster, CollisionModel, Fixed, Moving, POINTS, SelfPairs, bound, depth, depth_between, fixed, moving, near,
+};
 use crate::batch::{Batch, BodySpec};
 use crate::error::PlanningError;
 use crate::shapes::{bounding_radius_m, covering_spheres};
@@ -45,7 +47,8 @@ impl CollisionModel {
             .map(|body| {
                 let own = self.own_bodies.iter().enumerate();
                 own.map(|(idx, own)| {
-                    disabled(&body.name, &own.name).unwrap_or_else(|| self.is_trunk(body) || is_built_on(body, idx))
+                    disabled(&body.name, &own.name)
+                        .unwrap_or_else(|| self.is_trunk(body) || self.is_next_to(body, own) || is_built_on(body, idx))
                 })
                 .collect()
             })
@@ -80,7 +83,9 @@ impl CollisionModel {
             batch.add_still(&obstacle.shape, &obstacle.shape_from_base.inverse(), self.settings.clearance_m, may_touch);
         }
         for (own_idx, own) in self.own_bodies.iter().enumerate() {
-            batch.add_still(&own.shape, &own.shape_from_base.inverse(), 0.0, |idx| self.ignored[idx][own_idx]);
+            batch.add_still(&own.shape, &own.shape_from_base.inverse(), self.settings.self_clearance_m, |idx| {
+                self.ignored[idx][own_idx]
+            });
         }
         for (later, cluster) in self.clusters.iter().enumerate() {
             for (earlier, other) in self.clusters[..later].iter().enumerate() {
@@ -89,11 +94,17 @@ impl CollisionModel {
             }
         }
         batch.set_points(self.points.clone(), self.settings.clearance_m);
+        batch.set_self_margin(self.settings.self_clearance_m);
         self.batch = batch;
     }
 
     pub(super) fn place_bodies(&mut self, tree: &Tree, q: &[f64]) -> Result<(), PlanningError> {
         let poses = tree.link_poses(q);
+        let carrier = |name: &String| {
+            let joint_idx = tree.links.iter().find(|link| link.name == *name)?.joint_idx?;
+            Some(tree.links[tree.joints[joint_idx].parent_idx].name.clone())
+        };
+        self.carriers = self.chain.link_names.iter().map(|name| carrier(name).unwrap_or_default()).collect();
         self.moving.retain(|m| m.group == BodyGroup::Attached);
         let attached = std::mem::take(&mut self.moving);
         self.own_bodies.clear();
@@ -151,6 +162,12 @@ impl CollisionModel {
         self.moving.extend(attached);
         self.index();
         Ok(())
+    }
+
+    /// Whether a body is up to two joints away from the link `own` that carries its branch.
+    fn is_next_to(&self, body: &Moving, own: &Fixed) -> bool {
+        let way: Vec<usize> = std::iter::successors(Some(body.frame_idx), |idx| self.chain.joint(*idx).parent).collect();
+        way.len() + body.n_beyond <= 2 && way.last().is_some_and(|first| self.carriers[*first] == own.name)
     }
 
     fn is_trunk(&self, body: &Moving) -> bool {

@@ -50,13 +50,17 @@ impl CollisionModel {
 
     fn near(&self, frames: &[Pose], within_m: f64) -> Vec<Near<'_>> {
         let mut found = Vec::new();
-        let clearance = self.settings.clearance_m;
+        let (clearance, own_clearance) = (self.settings.clearance_m, self.settings.self_clearance_m);
         for (idx, body) in self.moving.iter().enumerate() {
             let to_base = &frames[body.frame_idx];
             let centre = to_base * body.bound.0;
             let obstacles = self.obstacles.iter().filter(|o| !self.allows(body.group, &o.name)).map(|o| (o, clearance));
-            let own =
-                self.own_bodies.iter().enumerate().filter(|(own_idx, _)| !self.ignored[idx][*own_idx]).map(|(_, o)| (o, 0.0));
+            let own = self
+                .own_bodies
+                .iter()
+                .enumerate()
+                .filter(|(own_idx, _)| !self.ignored[idx][*own_idx])
+                .map(|(_, o)| (o, own_clearance));
             for (fixed, margin) in obstacles.chain(own) {
                 if !near(&centre, body.bound.1 + margin + within_m, fixed) {
                     continue;
@@ -71,12 +75,12 @@ impl CollisionModel {
                 debug_assert!(other_idx < idx);
                 let other_to_base = &frames[other.frame_idx];
                 let bounds = (centre - other_to_base * other.bound.0).norm() - body.bound.1 - other.bound.1;
-                if bounds > within_m {
+                if bounds > within_m + own_clearance {
                     continue;
                 }
                 for against in &other.spheres {
                     let place = other_to_base * against.0;
-                    let gap = |ball: &(Point, f64)| (to_base * ball.0 - place).norm() - ball.1 - against.1;
+                    let gap = |ball: &(Point, f64)| (to_base * ball.0 - place).norm() - ball.1 - against.1 - own_clearance;
                     found.extend(smallest(body, within_m, gap, |_| Other::Moving(other, against)));
                 }
             }
@@ -115,12 +119,13 @@ impl CollisionModel {
 
     /// Adds how far a point of link `frame_idx` moves along `direction` with each joint.
     fn add_motion(&self, frames: &[Pose], frame_idx: usize, point: &Point, direction: &Vector, gradient: &mut [f64]) {
-        for (joint_idx, gradient) in gradient.iter_mut().enumerate().take(frame_idx + 1) {
+        for joint_idx in std::iter::successors(Some(frame_idx), |idx| self.chain.joint(*idx).parent) {
             let joint = self.chain.joint(joint_idx);
             let base_from_axis = frames[joint_idx] * joint.axis_from_link.inverse();
             let axis = base_from_axis * Vector::z();
             let arm = point - base_from_axis * Point::origin();
-            *gradient += if joint.is_revolute { axis.cross(&arm).dot(direction) } else { axis.dot(direction) };
+            let along = if joint.is_revolute { axis.cross(&arm).dot(direction) } else { axis.dot(direction) };
+            gradient[joint.q_idx] += joint.multiplier * along;
         }
     }
 
@@ -151,9 +156,9 @@ impl CollisionModel {
         Some(Contact { link: body.name.clone(), with, depth_m: distance_m - gap_m })
     }
 
-    /// Keeps another distance from obstacles than the model was made with, metres.
-    pub fn set_clearance(&mut self, clearance_m: f64) {
-        self.settings.clearance_m = clearance_m;
+    /// Keeps other distances than the model was made with: from obstacles, and of the robot's links from each other, metres.
+    pub fn set_clearance(&mut self, clearance_m: f64, self_clearance_m: f64) {
+        (self.settings.clearance_m, self.settings.self_clearance_m) = (clearance_m, self_clearance_m);
         self.compile();
     }
 }

@@ -62,11 +62,13 @@ pub fn audit(
                 }
             }
         }
-        let palm = chain.fk(q).translation.vector;
-        for axis in 0..3 {
-            let (low, high) = (palm_box.low_m[axis], palm_box.high_m[axis]);
-            if !(low..=high).contains(&palm[axis]) {
-                note(at, "palm", "workspace", palm[axis], if palm[axis] < low { low } else { high });
+        for tip in 0..chain.n_tips() {
+            let palm = chain.fk_of(tip, q).translation.vector;
+            for axis in 0..3 {
+                let (low, high) = (palm_box.low_m[axis], palm_box.high_m[axis]);
+                if !(low..=high).contains(&palm[axis]) {
+                    note(at, &chain.tip_names[tip], "workspace", palm[axis], if palm[axis] < low { low } else { high });
+                }
             }
         }
         if let Some(contact) = world.and_then(|world| world.contact(q)) {

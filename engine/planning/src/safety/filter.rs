@@ -336,23 +336,29 @@ impl SafetyFilter {
         self.is_new_world = false;
     }
 
-    /// Walls of the palm's box, moved out to the palm where it is outside already.
-    fn walls(&self) -> PalmBox {
+    /// Walls of each palm's box, moved out to the palm where it is outside already.
+    fn walls(&self) -> Vec<PalmBox> {
         let now: Vec<f64> = self.at.iter().map(|at| at.q).collect();
-        let palm = self.chain.fk(&now).translation.vector;
-        let PalmBox { mut low_m, mut high_m } = self.settings.palm_box;
-        for axis in 0..3 {
-            low_m[axis] = (low_m[axis] + BOX_MARGIN_M).min(palm[axis]);
-            high_m[axis] = (high_m[axis] - BOX_MARGIN_M).max(palm[axis]);
-        }
-        PalmBox { low_m, high_m }
+        let walls = |tip: usize| {
+            let palm = self.chain.fk_of(tip, &now).translation.vector;
+            let PalmBox { mut low_m, mut high_m } = self.settings.palm_box;
+            for axis in 0..3 {
+                low_m[axis] = (low_m[axis] + BOX_MARGIN_M).min(palm[axis]);
+                high_m[axis] = (high_m[axis] - BOX_MARGIN_M).max(palm[axis]);
+            }
+            PalmBox { low_m, high_m }
+        };
+        (0..self.chain.n_tips()).map(walls).collect()
     }
 
     fn leaves_box(&self, way: &Way) -> Option<Intervention> {
-        let walls = self.walls();
+        self.walls().iter().enumerate().find_map(|(tip, walls)| self.palm_leaves(tip, walls, way))
+    }
+
+    fn palm_leaves(&self, tip: usize, walls: &PalmBox, way: &Way) -> Option<Intervention> {
         let mut idx = 0;
         loop {
-            let palm = self.chain.fk(way.at(idx)).translation.vector;
+            let palm = self.chain.fk_of(tip, way.at(idx)).translation.vector;
             let mut room_m = f64::INFINITY;
             for axis in 0..3 {
                 let inside_m = (palm[axis] - walls.low_m[axis]).min(walls.high_m[axis] - palm[axis]);
@@ -399,7 +405,7 @@ impl SafetyFilter {
         let reach: Vec<(f64, f64)> = (windows.iter().enumerate())
             .map(|(idx, window)| (rest(idx, window.low) - wanted[idx], rest(idx, window.high) - wanted[idx]))
             .collect();
-        let mut rows: Vec<(Vec<f64>, f64)> = Vec::with_capacity(2 * n + 6 + N_GAPS);
+        let mut rows: Vec<(Vec<f64>, f64)> = Vec::with_capacity(2 * n + 6 * self.chain.n_tips() + N_GAPS);
         for (idx, (low, high)) in reach.iter().enumerate() {
             let unit = |sign: f64| (0..n).map(|column| if column == idx { sign } else { 0.0 }).collect::<Vec<f64>>();
             rows.push((unit(1.0), *high));
@@ -411,14 +417,15 @@ impl SafetyFilter {
             let bound = bound.max(0.5 * room(&along));
             rows.push((along, bound));
         };
-        let walls = self.walls();
-        let palm = self.chain.fk(&wanted).translation.vector;
-        let jacobian = self.chain.jacobian(&wanted);
-        for axis in 0..3 {
-            let along: Vec<f64> = jacobian.row(axis).iter().copied().collect();
-            let against = along.iter().map(|v| -v).collect();
-            keep(along, walls.high_m[axis] - palm[axis] - BOX_MARGIN_M);
-            keep(against, palm[axis] - walls.low_m[axis] - BOX_MARGIN_M);
+        for (tip, walls) in self.walls().iter().enumerate() {
+            let palm = self.chain.fk_of(tip, &wanted).translation.vector;
+            let jacobian = self.chain.jacobian_of(tip, &wanted);
+            for axis in 0..3 {
+                let along: Vec<f64> = jacobian.row(axis).iter().copied().collect();
+                let against = along.iter().map(|v| -v).collect();
+                keep(along, walls.high_m[axis] - palm[axis] - BOX_MARGIN_M);
+                keep(against, palm[axis] - walls.low_m[axis] - BOX_MARGIN_M);
+            }
         }
         if let Some(world) = &self.world {
             let needed_m = self.needed_m() + SHAPE_MARGIN_M;
@@ -496,15 +503,22 @@ fn resting(at: Moving, period_secs: f64) -> Moving {
     if at.v.abs() < REST_SPEED && at.a.abs() * period_secs < REST_SPEED { Moving { v: 0.0, a: 0.0, ..at } } else { at }
 }
 
-/// How far the tip can be from each joint's axis, at most.
+/// How far a radian (or metre) of each joint can move a tip, at most.
 fn reaches_m(chain: &Chain) -> Vec<f64> {
-    let n = chain.n_joints();
-    let at_zero = chain.fk_all(&vec![0.0; n]);
-    let mut reach = (at_zero[n].translation.vector - at_zero[n - 1].translation.vector).norm();
-    let mut reaches = vec![0.0; n];
-    for idx in (0..n).rev() {
-        reaches[idx] = if chain.joint(idx).is_revolute { reach } else { 1.0 };
-        reach += chain.joint(idx).before.translation.vector.norm();
+    let mut reaches = vec![0.0; chain.n_joints()];
+    let n_compiled = chain.link_names.len();
+    let at_zero = chain.fk_all(&vec![0.0; chain.n_joints()]);
+    for tip in 0..chain.n_tips() {
+        let mut at = chain.tip_joint(tip);
+        let mut reach =
+            at.map_or(0.0, |idx| (at_zero[n_compiled + tip].translation.vector - at_zero[idx].translation.vector).norm());
+        while let Some(idx) = at {
+            let joint = chain.joint(idx);
+            let own = joint.multiplier.abs() * if joint.is_revolute { reach } else { 1.0 };
+            reaches[joint.q_idx] = f64::max(reaches[joint.q_idx], own);
+            reach += joint.before.translation.vector.norm();
+            at = joint.parent;
+        }
     }
     reaches
 }
