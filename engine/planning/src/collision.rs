@@ -433,6 +433,11 @@ impl CollisionModel {
         self.obstacles.iter().map(|o| (o.name.as_str(), &o.shape, o.shape_from_base.inverse()))
     }
 
+    #[cfg(test)]
+    pub(crate) fn batch(&self) -> &Batch {
+        &self.batch
+    }
+
     pub(crate) fn allows(&self, group: BodyGroup, with: &str) -> bool {
         self.allowed.iter().any(|(g, name)| *g == group && name == with)
     }

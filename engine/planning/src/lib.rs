@@ -20,6 +20,8 @@ pub mod scene;
 pub mod shapes;
 pub mod smooth;
 pub mod timing;
+#[cfg(test)]
+mod verdict_tests;
 
 pub use cartesian::{CartesianOutcome, CartesianSettings, CartesianStop, cartesian_path};
 pub use collision::{BodyGroup, BodySphere, CollisionModel, CollisionSettings, Contact, Gap, SelfPairs};
