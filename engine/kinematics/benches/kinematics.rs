@@ -1,5 +1,5 @@
-//! FK, Jacobian and IK of one Panda arm over 10,000 random reachable poses and of arms with torso over 1000: per-item times, varied
-//! inputs, checksum printed.
+//! FK, Jacobian, torques and IK of one Panda arm over 10,000 random reachable poses and of arms with torso over 1000: per-item times,
+//! varied inputs, checksum printed.
 //!
 //! `cargo bench -p sfg-kinematics` writes `target/bench/kinematics.json`.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a measuring program")]
@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use sfg_kinematics::ik::random_q;
-use sfg_kinematics::{Chain, IkOutcome, IkSettings, IkSolver, RobotModel};
+use sfg_kinematics::{Chain, Dynamics, IkOutcome, IkSettings, IkSolver, RobotModel};
 use sfg_types::Pose;
 use std::path::Path;
 use std::time::Instant;
@@ -29,6 +29,9 @@ fn main() {
     rows.push(row("kinematics/fk", "us", fk));
     let jacobian = measure(&configurations, |q| checksum += chain.jacobian(q)[(0, 0)]);
     rows.push(row("kinematics/jacobian", "us", jacobian));
+    let dynamics = Dynamics::new(&model.tree, &chain, &model.home_q).unwrap();
+    let torques = measure(&configurations, |q| checksum += dynamics.torques(q, q, q)[0]);
+    rows.push(row("kinematics/torques", "us", torques));
 
     let settings = IkSettings::default();
     let mut n_solved = 0;

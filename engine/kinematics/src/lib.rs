@@ -7,6 +7,7 @@
 
 pub mod chain;
 pub mod description;
+pub mod dynamics;
 pub mod error;
 pub mod ik;
 mod ik_batch;
@@ -19,6 +20,7 @@ mod urdf;
 
 pub use chain::{Chain, ChainJoint, JointLimits};
 pub use description::{ArmDescription, CameraDescription, Mount, RobotDescription};
+pub use dynamics::{Dynamics, GRAVITY, Payload};
 pub use error::KinematicsError;
 pub use ik::{IkOutcome, IkSettings, IkSolver};
 pub use ik_batch::joints_at_limit;
