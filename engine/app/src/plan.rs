@@ -5,8 +5,11 @@ use crate::say::say;
 use anyhow::{Context as _, Result};
 use serde::{Deserialize, Serialize};
 use sfg_kinematics::{Chain, Shape, Srdf, Tree};
-use sfg_planning::{CollisionModel, CollisionSettings, Obstacle, PlanOutcome, Planner as _, RawPath, RrtConnect, SelfPairs};
+use sfg_planning::{
+    CollisionModel, CollisionSettings, Obstacle, PlanOutcome, Planner as _, RawPath, RrtConnect, SelfPairs, verify_tree_exact,
+};
 use sfg_types::Pose;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -29,6 +32,9 @@ pub(crate) struct BenchOptions {
     /// The robot's SRDF: the group's chain and the pairs of links that are not checked.
     #[arg(long)]
     srdf: PathBuf,
+    /// Position limits in place of the URDF's: YAML as MoveIt's `joint_limits.yaml` (`joint_limits: {NAME: {min_position, max_position}}`).
+    #[arg(long, value_name = "FILE")]
+    limits: Option<PathBuf>,
     /// Which group of the SRDF moves.
     #[arg(long, default_value = "panda_arm")]
     group: String,
@@ -85,6 +91,29 @@ struct Solved {
     whole_micros: f64,
     /// The planner's answer is free at 512 checks for each radian in double precision, one by one, by another formula.
     is_free: bool,
+    /// What the answer touches at 512 checks for each radian by exact geometry: the URDF's shapes, obstacles and pairs of links by parry.
+    exact_contact: Option<String>,
+}
+
+#[derive(Deserialize)]
+struct LimitsFile {
+    joint_limits: BTreeMap<String, PositionLimits>,
+}
+
+/// Speeds and accelerations, which MoveIt keeps here, too, are passed over.
+#[derive(Deserialize)]
+struct PositionLimits {
+    min_position: Option<f64>,
+    max_position: Option<f64>,
+}
+
+/// The robot of a run.
+struct Robot {
+    tree: Tree,
+    disabled_pairs: BTreeSet<(String, String)>,
+    rest_q: Vec<f64>,
+    // Without obstacles.
+    empty: CollisionModel,
 }
 
 /// Checks for each radian of the closer look.
@@ -92,27 +121,51 @@ const CHECKS_PER_RAD: f64 = 512.0;
 
 pub(crate) fn run(command: &PlanCommand) -> Result<ExitCode> {
     let PlanCommand::Bench(options) = command;
-    let tree = Tree::load(&options.urdf).map_err(|error| BadInput(error.to_string()))?;
-    let srdf = Srdf::load(&options.srdf).map_err(|error| BadInput(error.to_string()))?;
-    let chain = chain_of(&tree, &srdf, options)?;
-    let settings = CollisionSettings { arm_excess_m: 0.0, hand_excess_m: 0.0, clearance_m: 0.0, self_clearance_m: 0.0 };
-    let pairs = SelfPairs::AllBut(srdf.disabled_pairs.clone());
-    let rest_q = vec![0.0; tree.n_q()];
-    let empty =
-        CollisionModel::of_tree(&tree, chain, None, &rest_q, pairs, settings).map_err(|error| BadInput(error.to_string()))?;
+    let robot = robot(options)?;
     let mut all = Vec::new();
     for file in &options.files {
         let problems = read(file)?;
         for problem in &problems.problems {
-            all.push(solve(&empty, &problems.set, problem, options).with_context(|| file.display().to_string())?);
+            all.push(solve(&robot, &problems.set, problem, options).with_context(|| file.display().to_string())?);
         }
     }
-    print(&all);
+    print(&all, options);
     if let Some(path) = &options.json {
         let text = serde_json::to_string_pretty(&all)?;
         std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn robot(options: &BenchOptions) -> Result<Robot> {
+    let tree = Tree::load(&options.urdf).map_err(|error| BadInput(error.to_string()))?;
+    let srdf = Srdf::load(&options.srdf).map_err(|error| BadInput(error.to_string()))?;
+    let mut chain = chain_of(&tree, &srdf, options)?;
+    if let Some(path) = &options.limits {
+        set_limits(&mut chain, path)?;
+    }
+    let settings = CollisionSettings { arm_excess_m: 0.0, hand_excess_m: 0.0, clearance_m: 0.0, self_clearance_m: 0.0 };
+    let pairs = SelfPairs::AllBut(srdf.disabled_pairs.clone());
+    let rest_q = vec![0.0; tree.n_q()];
+    let empty =
+        CollisionModel::of_tree(&tree, chain, None, &rest_q, pairs, settings).map_err(|error| BadInput(error.to_string()))?;
+    Ok(Robot { tree, disabled_pairs: srdf.disabled_pairs, rest_q, empty })
+}
+
+fn set_limits(chain: &mut Chain, path: &Path) -> Result<()> {
+    let wrong = |what: String| BadInput(format!("{}: {what}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|error| BadInput(format!("cannot read {}: {error}", path.display())))?;
+    let file: LimitsFile = serde_saphyr::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+    for (name, limits) in chain.joint_names.iter().zip(&mut chain.limits) {
+        let found = file.joint_limits.get(name).and_then(|one| Some((one.min_position?, one.max_position?)));
+        let (lower, upper) =
+            found.ok_or_else(|| wrong(format!("joint_limits.{name}: expected min_position and max_position, radians")))?;
+        if !lower.is_finite() || !upper.is_finite() || lower > upper {
+            return Err(wrong(format!("joint_limits.{name}: {lower} to {upper} is no range")).into());
+        }
+        (limits.lower, limits.upper) = (lower, upper);
+    }
+    Ok(())
 }
 
 fn chain_of(tree: &Tree, srdf: &Srdf, options: &BenchOptions) -> Result<Chain> {
@@ -154,7 +207,8 @@ fn obstacle(problem: &ProblemObstacle) -> Result<Obstacle> {
     Ok(Obstacle { name: problem.id.clone(), shape, pose_in_base })
 }
 
-fn solve(empty: &CollisionModel, set: &str, problem: &Problem, options: &BenchOptions) -> Result<Solved> {
+fn solve(robot: &Robot, set: &str, problem: &Problem, options: &BenchOptions) -> Result<Solved> {
+    let empty = &robot.empty;
     let n = empty.chain().n_joints();
     if problem.start.len() != n || problem.goals.iter().any(|goal| goal.len() != n) {
         return Err(BadInput(format!("problem {}: expected {n} joint values in start and goals", problem.index)).into());
@@ -176,7 +230,9 @@ fn solve(empty: &CollisionModel, set: &str, problem: &Problem, options: &BenchOp
         accepted_at_once: false,
         whole_micros: f64::INFINITY,
         is_free: false,
+        exact_contact: None,
     };
+    let mut found = Vec::new();
     for _ in 0..options.repeats.max(1) {
         let step_rad = planner.settings.edge_step_rad;
         let begun = Instant::now();
@@ -199,11 +255,15 @@ fn solve(empty: &CollisionModel, set: &str, problem: &Problem, options: &BenchOp
         let begun = Instant::now();
         let outcome = planner.plan(&collision, &problem.start, &problem.goals, options.seed);
         solved.whole_micros = solved.whole_micros.min(begun.elapsed().as_secs_f64() * 1e6);
-        if !matches!(outcome, PlanOutcome::Found(_)) {
-            solved.outcome = "not found";
+        match outcome {
+            PlanOutcome::Found(path) => found = path,
+            _ => solved.outcome = "not found",
         }
-        solved.is_free = matches!(&outcome, PlanOutcome::Found(path) if independently_free(&collision, path));
     }
+    solved.is_free = !found.is_empty() && independently_free(&collision, &found);
+    let (pairs, step_rad) = (Some(&robot.disabled_pairs), 1.0 / CHECKS_PER_RAD);
+    let contact = verify_tree_exact(&robot.tree, None, &robot.rest_q, &collision, pairs, &found, step_rad);
+    solved.exact_contact = contact.map(|contact| contact.to_string());
     Ok(solved)
 }
 
@@ -224,7 +284,7 @@ fn length(path: &[Vec<f64>]) -> f64 {
     path.windows(2).map(gap).sum()
 }
 
-fn print(all: &[Solved]) {
+fn print(all: &[Solved], options: &BenchOptions) {
     let mut sets: Vec<&str> = all.iter().map(|one| one.set.as_str()).collect();
     sets.dedup();
     say!(
@@ -253,13 +313,24 @@ fn print(all: &[Solved]) {
             pair(&|one| one.whole_micros)
         );
     }
-    for one in all.iter().filter(|one| one.outcome != "solved" || !one.is_free) {
-        say!(
-            "{} {}: {}{}",
-            one.set,
-            one.index,
-            one.outcome,
-            if one.outcome == "solved" { ", no path stood the closer look" } else { "" }
-        );
+    let inside: Vec<&Solved> = all.iter().filter(|one| matches!(one.outcome, "solved" | "not found")).collect();
+    let solved = inside.iter().filter(|one| one.outcome == "solved").count();
+    let fails = inside.iter().filter(|one| one.exact_contact.is_some()).count();
+    let limits = options.limits.as_ref().unwrap_or(&options.urdf);
+    say!(
+        "exact geometry: of {} problems with free ends inside the limits of {} {solved} are solved; {fails} of these paths fail a check by parry at \
+         {CHECKS_PER_RAD} for each radian, obstacles and self pairs",
+        inside.len(),
+        limits.display()
+    );
+    for one in all {
+        if one.outcome != "solved" {
+            say!("{} {}: {}", one.set, one.index, one.outcome);
+        } else if !one.is_free {
+            say!("{} {}: no path stood the closer look", one.set, one.index);
+        }
+        if let Some(contact) = &one.exact_contact {
+            say!("{} {}: by exact geometry {contact}", one.set, one.index);
+        }
     }
 }

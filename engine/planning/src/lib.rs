@@ -26,7 +26,7 @@ mod verdict_tests;
 pub use cartesian::{CartesianOutcome, CartesianSettings, CartesianStop, cartesian_path};
 pub use collision::{BodyGroup, BodySphere, CollisionModel, CollisionSettings, Contact, Gap, SelfPairs};
 pub use error::PlanningError;
-pub use exact::verify_exact;
+pub use exact::{verify_exact, verify_tree_exact};
 pub use keep::KeepAxis;
 pub use occupancy::{Occupancy, Voxel};
 pub use planner::{PlanOutcome, Planner, RawPath, RrtConnect, RrtSettings};
