@@ -42,4 +42,21 @@ pub enum PlanningError {
         /// Why.
         message: String,
     },
+    /// Holding still somewhere on the path takes what a motor gives.
+    #[error(
+        "joint {joint:?} needs {torque_nm:.1} Nm to hold still at {along_rad:.2} rad of the path with a payload of {payload_kg:.2} kg, \
+         and it may use {limit_nm:.1} Nm, of which at most 98 % for holding; carry less, or choose a path nearer to the body"
+    )]
+    TooHeavy {
+        /// The joint.
+        joint: String,
+        /// Torque against gravity, Nm; N at a sliding joint.
+        torque_nm: f64,
+        /// What the joint may use.
+        limit_nm: f64,
+        /// What the arm carries.
+        payload_kg: f64,
+        /// Where, arc length from the path's start.
+        along_rad: f64,
+    },
 }

@@ -36,4 +36,4 @@ pub use safety::{FilterSettings, HandFilter, Intervention, Limit, PalmBox, Safet
 pub use scene::{Held, PlanningScene, SceneError};
 pub use shapes::Obstacle;
 pub use smooth::SmoothPath;
-pub use timing::{TimingSettings, retime};
+pub use timing::{TimingSettings, TorqueLimits, retime};

@@ -4,7 +4,7 @@ use crate::collision::CollisionModel;
 use crate::error::PlanningError;
 use crate::smooth::SmoothPath;
 use rsruckig::prelude::*;
-use sfg_kinematics::{Chain, JointLimits};
+use sfg_kinematics::{Chain, Dynamics, JointLimits};
 use sfg_types::JointTrajectory;
 
 /// How fast, how round, how dense.
@@ -13,14 +13,28 @@ pub struct TimingSettings {
     /// Share of the velocity, acceleration and jerk limits that may be used, above 0, at most 1. Default 0.5.
     pub speed_fraction: f64,
     /// Half width of a rounded corner, joint-space arc length. Default 0.3 rad; 0.02 rad keeps the line of a Cartesian path.
+    ///
+    /// The motion does not stop at a corner. It passes the corner's configuration at a distance of at most 0.3125 times this (where
+    /// the path turns back; 0.22 times at a right angle).
     pub corner_half_width_rad: f64,
     /// Distance of the trajectory's samples. Default 0.004 s, a simulator's control period.
     pub sample_period_secs: f64,
+    /// Torques that the motion may need. Default none: torques are not looked at.
+    pub torque: Option<TorqueLimits>,
+}
+
+/// The arm with what it holds, and what its motors give.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TorqueLimits {
+    /// Masses of the chain that is timed, payload included ([`Dynamics::with_payload`]).
+    pub dynamics: Dynamics,
+    /// Share of each joint's effort limit that may be used, above 0, at most 1. Joints whose URDF gives no effort are not limited.
+    pub fraction: f64,
 }
 
 impl Default for TimingSettings {
     fn default() -> Self {
-        Self { speed_fraction: 0.5, corner_half_width_rad: 0.3, sample_period_secs: 0.004 }
+        Self { speed_fraction: 0.5, corner_half_width_rad: 0.3, sample_period_secs: 0.004, torque: None }
     }
 }
 
@@ -46,11 +60,15 @@ struct ProfileLimits {
 /// corner and once not; each is then stretched in time by the exact factor that brings every joint within its limits, and the
 /// shorter one wins. The curve is checked again with `collision`, if given, as rounding leaves the straight ways.
 ///
+/// With [`TimingSettings::torque`] the stretch also keeps the torques within the motors' limits: slower motion needs less torque, but
+/// for the weight.
+///
 /// # Errors
-/// [`PlanningError::BadPath`], [`PlanningError::NoRoom`] or [`PlanningError::Profile`].
+/// [`PlanningError::BadPath`], [`PlanningError::NoRoom`], [`PlanningError::Profile`], and [`PlanningError::TooHeavy`] when the weight
+/// alone takes what the motors give.
 ///
 /// # Panics
-/// If the speed fraction or the sample period are out of range.
+/// If a fraction or the sample period are out of range, or the torques belong to another chain.
 pub fn retime(
     path: &[Vec<f64>],
     chain: &Chain,
@@ -59,6 +77,10 @@ pub fn retime(
 ) -> Result<JointTrajectory, PlanningError> {
     assert!(settings.speed_fraction > 0.0 && settings.speed_fraction <= 1.0, "the speed fraction lies above 0 and at most at 1");
     assert!(settings.sample_period_secs > 0.0, "the sample period is positive");
+    assert!(
+        settings.torque.as_ref().is_none_or(|torque| torque.fraction > 0.0 && torque.fraction <= 1.0),
+        "the torque fraction lies above 0 and at most at 1"
+    );
     let curve = SmoothPath::fitted(path, settings.corner_half_width_rad, chain, collision)?;
     let n_joints = path[0].len();
     if n_joints != chain.n_joints() {
@@ -73,7 +95,10 @@ pub fn retime(
     let mut best: Option<(Trajectory<1>, f64)> = None;
     for candidate in [straight, bounded] {
         let profile = speed_profile(curve.length_rad(), candidate)?;
-        let stretch = needed_stretch(&curve, &profile, &limits);
+        let mut stretch = needed_stretch(&curve, &profile, &limits);
+        if let Some(torque) = &settings.torque {
+            stretch = stretch.max(stretch_for_torque(&curve, &profile, chain, torque)?);
+        }
         if best.as_ref().is_none_or(|(b, s)| profile.get_duration() * stretch < b.get_duration() * s) {
             best = Some((profile, stretch));
         }
@@ -144,6 +169,45 @@ fn state(profile: &Trajectory<1>, t_secs: f64, jerk: &mut f64) -> (f64, f64, f64
     profile.at_time(t_secs, &mut Some(&mut u), &mut Some(&mut du), &mut Some(&mut ddu), &mut Some(&mut dddu), &mut None);
     *jerk = dddu[0];
     (u[0], du[0], ddu[0])
+}
+
+/// Share of a joint's torque that holding the weight may take; with more, motions would last for ever.
+const MOST_FOR_WEIGHT: f64 = 0.98;
+
+/// By how much time must be stretched so that no joint needs more torque than it has: all but the weight falls by k^2.
+fn stretch_for_torque(
+    curve: &SmoothPath,
+    profile: &Trajectory<1>,
+    chain: &Chain,
+    torque: &TorqueLimits,
+) -> Result<f64, PlanningError> {
+    let duration = profile.get_duration();
+    let n = (duration / 0.002).ceil().clamp(200.0, 10_000.0) as usize;
+    let rest = vec![0.0; chain.n_joints()];
+    let mut stretch2: f64 = 0.0;
+    for i in 0..=n {
+        let (u, du, ddu) = state(profile, duration * i as f64 / n as f64, &mut 0.0);
+        let point = curve.at(u.clamp(0.0, curve.length_rad()));
+        let (dq, ddq) = (&point.d1 * du, &point.d2 * (du * du) + &point.d1 * ddu);
+        let weight = torque.dynamics.torques(point.q.as_slice(), &rest, &rest);
+        let whole = torque.dynamics.torques(point.q.as_slice(), dq.as_slice(), ddq.as_slice());
+        for (joint, limits) in chain.limits.iter().enumerate().filter(|(_, limits)| limits.effort > 0.0) {
+            let most = limits.effort * torque.fraction;
+            if weight[joint].abs() > MOST_FOR_WEIGHT * most {
+                return Err(PlanningError::TooHeavy {
+                    joint: chain.joint_names[joint].clone(),
+                    torque_nm: weight[joint].abs(),
+                    limit_nm: most,
+                    payload_kg: torque.dynamics.payload_kg(),
+                    along_rad: u,
+                });
+            }
+            let motion = whole[joint] - weight[joint];
+            // What the weight leaves on the side to which the motion pushes.
+            stretch2 = stretch2.max(motion.abs() / (most - weight[joint] * motion.signum()));
+        }
+    }
+    Ok(stretch2.sqrt() * 1.005)
 }
 
 /// By how much time must be stretched so that no joint exceeds a limit: speeds fall by k, accelerations by k^2, jerks by k^3.
