@@ -21,6 +21,7 @@ mod safety;
 mod say;
 mod scene;
 mod sensed;
+mod spheres;
 mod statistics;
 mod stopped;
 mod sweep;

@@ -32,6 +32,8 @@ pub(crate) enum RobotCommand {
     /// The reachability map of an arm: build, at, slice, check.
     #[command(subcommand)]
     Reach(ReachCommand),
+    /// Writes a URDF whose collision shapes are balls that cover the robot's own shapes, meshes included.
+    Spheres(crate::spheres::Options),
 }
 
 /// Inverse kinematics.
@@ -172,6 +174,7 @@ pub(crate) fn robot(assets: &Assets, command: &RobotCommand) -> Result<ExitCode>
         RobotCommand::Info { robot } => info(&Robot::load(assets, robot)?),
         RobotCommand::Ik(options) => return solve(assets, options),
         RobotCommand::Reach(command) => return reach(assets, command),
+        RobotCommand::Spheres(options) => return crate::spheres::run(options),
     }
     Ok(ExitCode::SUCCESS)
 }

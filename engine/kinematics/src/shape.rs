@@ -37,6 +37,8 @@ pub enum Shape {
     Mesh {
         /// As written in the URDF.
         file: String,
+        /// Factor of each axis of the file's coordinates to metres.
+        scale: Vector,
     },
 }
 
@@ -92,7 +94,9 @@ fn shape(geometry: &Geometry) -> Shape {
         Geometry::Cylinder { radius, length } => Shape::Cylinder { radius_m: *radius, half_length_m: length / 2.0 },
         Geometry::Capsule { radius, length } => Shape::Capsule { radius_m: *radius, half_length_m: length / 2.0 },
         Geometry::Sphere { radius } => Shape::Sphere { radius_m: *radius },
-        Geometry::Mesh { filename, .. } => Shape::Mesh { file: filename.clone() },
+        Geometry::Mesh { filename, scale } => {
+            Shape::Mesh { file: filename.clone(), scale: scale.as_ref().map_or(Vector::repeat(1.0), |s| Vector::from(**s)) }
+        }
     }
 }
 

@@ -5,7 +5,10 @@
 #[non_exhaustive]
 pub enum PlanningError {
     /// A link has a mesh as collision shape.
-    #[error("link {link:?} has mesh {file:?} as collision shape; planning needs boxes, spheres, cylinders or capsules")]
+    #[error(
+        "link {link:?} has mesh {file:?} as collision shape; planning needs boxes, spheres, cylinders or capsules: \
+             `sfg robot spheres` writes a URDF with balls that cover it"
+    )]
     MeshShape {
         /// The link.
         link: String,

@@ -7,6 +7,7 @@
 mod batch;
 pub mod cartesian;
 pub mod collision;
+pub mod cover;
 pub mod error;
 pub mod exact;
 pub mod keep;
@@ -25,6 +26,7 @@ mod verdict_tests;
 
 pub use cartesian::{CartesianOutcome, CartesianSettings, CartesianStop, cartesian_path};
 pub use collision::{BodyGroup, BodySphere, CollisionModel, CollisionSettings, Contact, Gap, SelfPairs};
+pub use cover::{CoverQuality, Surface, cover_quality, fit_spheres};
 pub use error::PlanningError;
 pub use exact::{verify_exact, verify_tree_exact};
 pub use keep::KeepAxis;

@@ -254,7 +254,7 @@ fn check(thing: &Obstacle) -> Result<(), SceneError> {
         Shape::Cylinder { radius_m, half_length_m } | Shape::Capsule { radius_m, half_length_m } => {
             vec![*radius_m, *half_length_m]
         }
-        Shape::Mesh { file } => return bad(format!("mesh {file:?}; expected a box, ball, cylinder or capsule")),
+        Shape::Mesh { file, .. } => return bad(format!("mesh {file:?}; expected a box, ball, cylinder or capsule")),
     };
     if !sizes.iter().all(|size| size.is_finite() && *size > 0.0) {
         return bad(format!("sizes {sizes:?} m; expected positive numbers"));
@@ -357,7 +357,7 @@ mod tests {
         assert!(scene.add(thing("ball", Shape::Sphere { radius_m: 0.1 }, [f64::NAN, 0.0, 0.0])).is_err());
         assert!(
             scene
-                .add(thing("mug", Shape::Mesh { file: "mug.stl".to_owned() }, [0.0; 3]))
+                .add(thing("mug", Shape::Mesh { file: "mug.stl".to_owned(), scale: Vector::repeat(1.0) }, [0.0; 3]))
                 .unwrap_err()
                 .to_string()
                 .contains("mug.stl")

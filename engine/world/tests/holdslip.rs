@@ -256,7 +256,7 @@ fn hand_piece(part: &sfg_kinematics::Primitive) -> Piece {
         Shape::Sphere { radius_m } => ("sphere", vec![*radius_m]),
         Shape::Capsule { radius_m, half_length_m } => ("capsule", vec![*radius_m, *half_length_m]),
         Shape::Cylinder { radius_m, half_length_m } => ("cylinder", vec![*radius_m, *half_length_m]),
-        Shape::Mesh { file } => panic!("the hand has a mesh {file:?} as collision shape"),
+        Shape::Mesh { file, .. } => panic!("the hand has a mesh {file:?} as collision shape"),
     };
     Piece { shape: shape.into(), size: size.into_iter().map(tidy).collect(), at: row(&part.link_from_shape), mass_kg: 0.0 }
 }

@@ -117,3 +117,53 @@ fn a_run_chooses_the_same_palm_pose_with_a_map_and_refuses_one_that_does_not_fit
     sfg(folder.path(), &["--assets", "assets", "run", "right.yaml", "--out", "stale"])
         .refused(2, &["curi.left.reach", "was built for another arm", "sfg robot reach build"]);
 }
+
+#[test]
+fn a_robot_of_boxes_and_meshes_is_covered_with_balls() {
+    let folder = folder();
+    let link = |name: &str, geometry: &str| {
+        let collision = format!("<collision><origin xyz='0 0 0.1'/><geometry>{geometry}</geometry></collision>");
+        format!("<link name='{name}'>{collision}</link>")
+    };
+    let joint = "<joint name='turn' type='revolute'><parent link='base'/><child link='arm'/><axis xyz='0 0 1'/>\
+                 <limit lower='-1' upper='1' velocity='1' effort='1'/></joint>";
+    let urdf = |mesh: &str| {
+        let mesh = format!("<mesh filename='{mesh}' scale='0.001 0.001 0.001'/>");
+        format!("<robot name='r'>{}{}{joint}</robot>", link("base", "<box size='0.2 0.1 0.1'/>"), link("arm", &mesh))
+    };
+    // A corner of a cube, in millimetres.
+    let corners = [[0, 0, 0], [100, 0, 0], [0, 100, 0], [0, 0, 100]];
+    let mut stl = "solid corner\n".to_owned();
+    for face in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
+        let vertex = |idx: usize| corners[idx].map(|v: i32| v.to_string()).join(" ");
+        let [a, b, c] = face.map(vertex);
+        stl += &format!("facet normal 0 0 0\nouter loop\nvertex {a}\nvertex {b}\nvertex {c}\nendloop\nendfacet\n");
+    }
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("corner.stl", &(stl + "endsolid corner\n"));
+    write("robot.urdf", &urdf("corner.stl"));
+    let said = sfg(folder.path(), &["robot", "spheres", "robot.urdf", "--excess-m", "0.02", "--out", "balls.urdf"]).ended_with(0);
+    let rows: Vec<&str> = said.stdout.lines().filter(|line| line.starts_with("base ") || line.starts_with("arm ")).collect();
+    assert!(rows.len() == 2 && rows.iter().all(|row| row.contains("100.00 %")), "{}", said.stdout);
+    assert!(said.stdout.contains("link1=\"base\" link2=\"arm\""), "{}", said.stdout);
+    let few =
+        sfg(folder.path(), &["robot", "spheres", "robot.urdf", "--count", "4", "--compare", "balls.urdf"]).ended_with(0).stdout;
+    let total = |text: &str, nth: usize| {
+        let row = text.lines().filter(|line| line.starts_with("all ")).nth(nth).unwrap().to_owned();
+        row.split_whitespace().nth(1).unwrap().parse::<usize>().unwrap()
+    };
+    assert!(total(&few, 0) <= 4 && total(&few, 1) == total(&said.stdout, 0), "{few}");
+    let again = sfg(folder.path(), &["robot", "info", "balls.urdf"]).ended_with(0).stdout;
+    assert!(again.contains(&format!("{} collision shapes", total(&said.stdout, 0))), "{again}");
+
+    sfg(folder.path(), &["robot", "spheres", "robot.urdf", "--count", "1"]).refused(2, &["--count 1", "at least 2"]);
+    sfg(folder.path(), &["robot", "spheres", "robot.urdf", "--excess-m", "0"]).refused(2, &["--excess-m 0"]);
+    write("lost.urdf", &urdf("package://parts/corner.stl"));
+    sfg(folder.path(), &["robot", "spheres", "lost.urdf"]).refused(2, &["link \"arm\"", "--package parts=FOLDER"]);
+    write("empty.stl", "solid nothing\nendsolid nothing\n");
+    write("empty.urdf", &urdf("empty.stl"));
+    sfg(folder.path(), &["robot", "spheres", "empty.urdf"]).refused(2, &["empty.stl", "no triangle with an area"]);
+    write("text.stl", "this is no mesh");
+    write("text.urdf", &urdf("text.stl"));
+    sfg(folder.path(), &["robot", "spheres", "text.urdf"]).refused(2, &["link \"arm\"", "text.stl"]);
+}

@@ -96,7 +96,7 @@ fn shapes(link: &Link, colour: [u8; 3]) -> Vec<ShapeHeader> {
             Shape::Sphere { radius_m } => ("sphere", vec![*radius_m], None),
             Shape::Cylinder { radius_m, half_length_m } => ("cylinder", vec![*radius_m, 2.0 * half_length_m], None),
             Shape::Capsule { radius_m, half_length_m } => ("capsule", vec![*radius_m, 2.0 * half_length_m], None),
-            Shape::Mesh { file } => ("mesh", vec![1.0; 3], Some(file.clone())),
+            Shape::Mesh { file, scale } => ("mesh", vec![scale.x, scale.y, scale.z], Some(file.clone())),
         };
         ShapeHeader { kind: kind.to_owned(), size, origin: part.link_from_shape.into(), colour, mesh }
     };
@@ -148,7 +148,7 @@ pub(super) fn files(request: &RunRequest<'_>) -> Vec<(String, &'static str, Path
     let mut names = BTreeMap::new();
     for link in &request.model.tree.links {
         for part in &link.collision {
-            if let Shape::Mesh { file } = &part.shape {
+            if let Shape::Mesh { file, .. } = &part.shape {
                 names.insert(file.clone(), beside(robot, file));
             }
         }

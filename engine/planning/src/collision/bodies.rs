@@ -110,7 +110,7 @@ impl CollisionModel {
         self.own_bodies.clear();
         for (link_idx, link) in tree.links.iter().enumerate() {
             if let Some(mesh) =
-                link.collision.iter().find_map(|p| if let Shape::Mesh { file } = &p.shape { Some(file) } else { None })
+                link.collision.iter().find_map(|p| if let Shape::Mesh { file, .. } = &p.shape { Some(file) } else { None })
             {
                 return Err(PlanningError::MeshShape { link: link.name.clone(), file: mesh.clone() });
             }
