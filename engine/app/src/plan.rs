@@ -32,7 +32,7 @@ pub(crate) struct BenchOptions {
     /// The robot's SRDF: the group's chain and the pairs of links that are not checked.
     #[arg(long)]
     srdf: PathBuf,
-    /// Position limits in place of the URDF's: YAML as MoveIt's `joint_limits.yaml` (`joint_limits: {NAME: {min_position, max_position}}`).
+    /// Position limits in place of the URDF's: YAML as MoveIt's `joint_limits.yaml`, min_position and max_position.
     #[arg(long, value_name = "FILE")]
     limits: Option<PathBuf>,
     /// Which group of the SRDF moves.
@@ -91,7 +91,7 @@ struct Solved {
     whole_micros: f64,
     /// The planner's answer is free at 512 checks for each radian in double precision, one by one, by another formula.
     is_free: bool,
-    /// What the answer touches at 512 checks for each radian by exact geometry: the URDF's shapes, obstacles and pairs of links by parry.
+    /// What the answer touches at 512 checks for each radian by exact geometry: the URDF's shapes and the obstacles by parry.
     exact_contact: Option<String>,
 }
 
@@ -318,8 +318,8 @@ fn print(all: &[Solved], options: &BenchOptions) {
     let fails = inside.iter().filter(|one| one.exact_contact.is_some()).count();
     let limits = options.limits.as_ref().unwrap_or(&options.urdf);
     say!(
-        "exact geometry: of {} problems with free ends inside the limits of {} {solved} are solved; {fails} of these paths fail a check by parry at \
-         {CHECKS_PER_RAD} for each radian, obstacles and self pairs",
+        "exact geometry: of {} problems with free ends inside the limits of {} {solved} are solved; {fails} of these paths fail a \
+         check by parry at {CHECKS_PER_RAD} for each radian, obstacles and self pairs",
         inside.len(),
         limits.display()
     );

@@ -229,7 +229,8 @@ fn with_balls(text: &str, bodies: &[Body], balls: &[Balls]) -> Result<String, St
             let (x, y, z, r) = (centre.x, centre.y, centre.z, radius + 2e-6);
             write!(
                 elements,
-                "<collision><origin xyz=\"{x:.6} {y:.6} {z:.6}\" rpy=\"0 0 0\"/><geometry><sphere radius=\"{r:.6}\"/></geometry></collision>\n    "
+                "<collision><origin xyz=\"{x:.6} {y:.6} {z:.6}\" rpy=\"0 0 0\"/>\
+                 <geometry><sphere radius=\"{r:.6}\"/></geometry></collision>\n    "
             )
             .map_err(|error| error.to_string())?;
         }
@@ -284,7 +285,8 @@ mod tests {
 
     #[test]
     fn collision_elements_are_replaced_and_all_else_stays() {
-        let text = "<robot name='r'><!-- kept --><link name='a'><visual/><collision><geometry><box size='1 1 1'/></geometry></collision>\n\
+        let text = "<robot name='r'><!-- kept --><link name='a'><visual/>\
+                    <collision><geometry><box size='1 1 1'/></geometry></collision>\n\
                     <collision name='x'><geometry><sphere radius='1'/></geometry></collision></link><link name='b'/></robot>";
         let bodies = [Body { link: "a".to_owned(), surfaces: Vec::new() }];
         let covered = with_balls(text, &bodies, &[vec![(Point::new(0.1, -0.2, 0.3), 0.5), (Point::origin(), 0.25)]]).unwrap();

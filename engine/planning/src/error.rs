@@ -47,8 +47,9 @@ pub enum PlanningError {
     },
     /// Holding still somewhere on the path takes what a motor gives.
     #[error(
-        "joint {joint:?} needs {torque_nm:.1} Nm to hold still at {along_rad:.2} rad of the path with a payload of {payload_kg:.2} kg, \
-         and it may use {limit_nm:.1} Nm, of which at most 98 % for holding; carry less, or choose a path nearer to the body"
+        "joint {joint:?} needs {torque_nm:.1} Nm to hold still at {along_rad:.2} rad of the path with a payload of \
+         {payload_kg:.2} kg, and it may use {limit_nm:.1} Nm, of which at most 98 % for holding; \
+         carry less, or choose a path nearer to the body"
     )]
     TooHeavy {
         /// The joint.

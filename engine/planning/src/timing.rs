@@ -60,12 +60,12 @@ struct ProfileLimits {
 /// corner and once not; each is then stretched in time by the exact factor that brings every joint within its limits, and the
 /// shorter one wins. The curve is checked again with `collision`, if given, as rounding leaves the straight ways.
 ///
-/// With [`TimingSettings::torque`] the stretch also keeps the torques within the motors' limits: slower motion needs less torque, but
-/// for the weight.
+/// With [`TimingSettings::torque`] the stretch also keeps the torques within the motors' limits: slower motion needs less torque,
+/// but for the weight.
 ///
 /// # Errors
-/// [`PlanningError::BadPath`], [`PlanningError::NoRoom`], [`PlanningError::Profile`], and [`PlanningError::TooHeavy`] when the weight
-/// alone takes what the motors give.
+/// [`PlanningError::BadPath`], [`PlanningError::NoRoom`], [`PlanningError::Profile`], and [`PlanningError::TooHeavy`] when the
+/// weight alone takes what the motors give.
 ///
 /// # Panics
 /// If a fraction or the sample period are out of range, or the torques belong to another chain.
@@ -193,7 +193,7 @@ fn stretch_for_torque(
         let whole = torque.dynamics.torques(point.q.as_slice(), dq.as_slice(), ddq.as_slice());
         for (joint, limits) in chain.limits.iter().enumerate().filter(|(_, limits)| limits.effort > 0.0) {
             let most = limits.effort * torque.fraction;
-            if weight[joint].abs() > MOST_FOR_WEIGHT * most {
+            if weight[joint].is_nan() || weight[joint].abs() > MOST_FOR_WEIGHT * most {
                 return Err(PlanningError::TooHeavy {
                     joint: chain.joint_names[joint].clone(),
                     torque_nm: weight[joint].abs(),

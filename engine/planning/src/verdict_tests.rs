@@ -1,7 +1,7 @@
 //! The eight-lane verdicts against parry in double precision, and the instruction sets against each other.
 //!
-//! What moves is placed by the tree's forward kinematics, not the chain's; distances are parry's; pairs are listed anew here. So the
-//! two sides share the balls and the URDF, and nothing that computes.
+//! What moves is placed by the tree's forward kinematics, not the chain's; distances are parry's; pairs are listed anew here. So
+//! the two sides share the balls and the URDF, and nothing that computes.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests fail by panicking and tell what they measured")]
 
 use crate::batch::levels;

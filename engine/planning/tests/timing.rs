@@ -168,7 +168,7 @@ fn a_motion_through_waypoints_keeps_moving_and_passes_them_closely() {
             slowest = slowest.min(norm(dq));
         }
         eprintln!(
-            "half width {half_width} rad: {:.2} s, passes its waypoints at {farthest:.4} rad at most, never slower than {slowest:.3} rad/s between",
+            "half width {half_width} rad: {:.2} s, at most {farthest:.4} rad from a waypoint, {slowest:.3} rad/s or more between",
             motion.duration_secs()
         );
         assert!(farthest <= 0.3125 * half_width + 1e-3, "{farthest} rad from a waypoint");
