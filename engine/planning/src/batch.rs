@@ -261,7 +261,7 @@ fn any_contact_between(batch: &Batch, a: &[f64], b: &[f64], n_blocks: usize) -> 
                 lane_q.0[lane] = (a + share * (b - a)) as f32;
             }
         }
-        if touches(batch, &q[..n], Moved { ball: 0.0, pair: 0.0 }) {
+        if touches(batch, &q[..n], STILL) {
             return Some(block);
         }
     }
@@ -289,6 +289,9 @@ struct Moved {
     ball: f32,
     pair: f32,
 }
+
+/// Nothing moves.
+const STILL: Moved = Moved { ball: 0.0, pair: 0.0 };
 
 /// Stretches are split in so many when something is near.
 const SPLIT: f64 = 4.0;
@@ -323,7 +326,7 @@ fn is_free_closely(batch: &Batch, a: &[f64], b: &[f64], n_steps: f64, moved: Mov
             continue;
         }
         if is_last {
-            if touches(batch, &q[..n], Moved { ball: 0.0, pair: 0.0 }) {
+            if touches(batch, &q[..n], STILL) {
                 return false;
             }
             continue;

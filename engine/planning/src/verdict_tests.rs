@@ -167,7 +167,7 @@ fn panda() -> Option<Robot> {
     let rest_q = vec![0.0; tree.n_q()];
     let chain = Chain::between(&tree, "panda_link0", "panda_link8", &rest_q).unwrap();
     assert_eq!(tree.links.iter().map(|link| link.collision.len()).sum::<usize>(), 59, "the hand-made balls");
-    let settings = CollisionSettings { arm_excess_m: 0.0, hand_excess_m: 0.0, clearance_m: 0.0 };
+    let settings = CollisionSettings { arm_excess_m: 0.0, hand_excess_m: 0.0, clearance_m: 0.0, self_clearance_m: 0.0 };
     Some(Robot { tree, chain, rest_q, settings, disabled: srdf.disabled_pairs })
 }
 
@@ -175,7 +175,7 @@ fn panda() -> Option<Robot> {
 fn curi() -> Robot {
     let path: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/robots/curi.yaml");
     let model = RobotModel::load(&path).unwrap();
-    let settings = CollisionSettings { arm_excess_m: 0.008, hand_excess_m: 0.008, clearance_m: 0.005 };
+    let settings = CollisionSettings { arm_excess_m: 0.008, hand_excess_m: 0.008, clearance_m: 0.005, self_clearance_m: 0.0 };
     let (tree, chain, rest_q) = (model.tree, model.left.chain, model.home_q);
     let mut robot = Robot { tree, chain, rest_q, settings, disabled: BTreeSet::new() };
     let n_links = robot.tree.links.len();

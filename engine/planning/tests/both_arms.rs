@@ -118,7 +118,7 @@ fn hands_keep_their_permissions_and_too_many_joints_are_refused() {
 fn a_mesh_is_refused_by_name() {
     let mut model = curi();
     let idx = model.tree.link_idx("panda_left_link3").unwrap();
-    let mesh = Shape::Mesh { file: "package://nowhere/arm.stl".to_owned() };
+    let mesh = Shape::Mesh { file: "package://nowhere/arm.stl".to_owned(), scale: Vector3::repeat(1.0) };
     model.tree.links[idx].collision.push(Primitive { shape: mesh, link_from_shape: Pose::identity() });
     let group = model.group("both").unwrap();
     let error = CollisionModel::of_group(&model, &group, &model.home_q, CollisionSettings::default()).unwrap_err().to_string();

@@ -31,15 +31,15 @@ fn detected() -> (bool, bool) {
 }
 
 fn baseline(batch: &Batch, q: &[Lanes]) -> bool {
-    touches(batch, q, 0.0)
+    touches(batch, q, super::STILL)
 }
 
 #[multiversion(targets("x86_64+avx2+fma"))]
 fn avx2(batch: &Batch, q: &[Lanes]) -> bool {
-    touches(batch, q, 0.0)
+    touches(batch, q, super::STILL)
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2+fma"))]
 fn avx512(batch: &Batch, q: &[Lanes]) -> bool {
-    touches(batch, q, 0.0)
+    touches(batch, q, super::STILL)
 }
