@@ -23,14 +23,22 @@ pub struct Payload {
 /// Friction and the inertia of rotors are left out, as URDF has none for rotors and few files have the friction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dynamics {
+    n_q: usize,
+    // Compiled joints: parents before children.
     joints: Vec<Joint>,
-    last_from_tip: Pose,
+    // The joint that moves the first tip, and that tip seen from the frame behind it.
+    tip: Option<(usize, Pose)>,
     payload_kg: f64,
 }
 
 /// A joint, its axis along +Z, and the body behind it.
 #[derive(Clone, Debug, PartialEq)]
 struct Joint {
+    parent: Option<usize>,
+    // Its value is `multiplier * q[q_idx] + offset`.
+    q_idx: usize,
+    multiplier: f64,
+    offset: f64,
     rotation: Matrix3<f64>,
     translation: Vector3<f64>,
     is_revolute: bool,
@@ -67,6 +75,9 @@ struct Step {
     translation: Vector3<f64>,
     force: Vector3<f64>,
     moment: Vector3<f64>,
+    omega: Vector3<f64>,
+    alpha: Vector3<f64>,
+    acceleration: Vector3<f64>,
 }
 
 impl Dynamics {
@@ -81,10 +92,14 @@ impl Dynamics {
         for name in &chain.link_names {
             tree.link_idx(name)?;
         }
-        let mut joints: Vec<Joint> = (0..chain.n_joints())
+        let mut joints: Vec<Joint> = (0..chain.link_names.len())
             .map(|idx| {
                 let joint = chain.joint(idx);
                 Joint {
+                    parent: joint.parent,
+                    q_idx: joint.q_idx,
+                    multiplier: joint.multiplier,
+                    offset: joint.offset,
                     rotation: joint.before.rotation.to_rotation_matrix().into_inner(),
                     translation: joint.before.translation.vector,
                     is_revolute: joint.is_revolute,
@@ -116,23 +131,21 @@ impl Dynamics {
             };
             joints[idx].body = joints[idx].body.and(&body);
         }
-        let last_from_tip = match chain.n_joints() {
-            0 => Pose::identity(),
-            n => {
-                let poses = chain.fk_all(&vec![0.0; n]);
-                chain.joint(n - 1).axis_from_link * poses[n - 1].inverse() * poses[n]
-            }
-        };
-        Ok(Self { joints, last_from_tip, payload_kg: 0.0 })
+        let poses = chain.fk_all(&vec![0.0; chain.n_joints()]);
+        let tip = chain
+            .tip_joint(0)
+            .map(|idx| (idx, chain.joint(idx).axis_from_link * poses[idx].inverse() * poses[chain.link_names.len()]));
+        Ok(Self { n_q: chain.n_joints(), joints, tip, payload_kg: 0.0 })
     }
 
-    /// The same chain with one more thing at its tip.
+    /// The same chain with one more thing at its (first) tip.
     #[must_use]
     pub fn with_payload(&self, payload: &Payload) -> Self {
         let mut loaded = self.clone();
-        if let Some(last) = loaded.joints.last_mut() {
-            let centre = (self.last_from_tip * nalgebra::Point3::from(payload.centre_in_tip_m)).coords;
-            last.body = last.body.and(&Body { mass_kg: payload.mass_kg, centre, inertia: Matrix3::zeros() });
+        if let Some((idx, axis_from_tip)) = self.tip {
+            let centre = (axis_from_tip * nalgebra::Point3::from(payload.centre_in_tip_m)).coords;
+            let body = &mut loaded.joints[idx].body;
+            *body = body.and(&Body { mass_kg: payload.mass_kg, centre, inertia: Matrix3::zeros() });
         }
         loaded.payload_kg += payload.mass_kg;
         loaded
@@ -158,44 +171,53 @@ impl Dynamics {
     /// Luh, Walker and Paul 1980.
     #[must_use]
     pub fn torques(&self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Vec<f64> {
-        let n = self.joints.len();
+        let n = self.n_q;
         assert!(q.len() == n && dq.len() == n && ddq.len() == n, "one value for each joint");
         let axis = Vector3::z();
-        let (mut omega, mut alpha) = (Vector3::zeros(), Vector3::zeros());
-        // A base that is pushed up feels what gravity does.
-        let mut acceleration = axis * GRAVITY;
-        let mut steps = Vec::with_capacity(n);
-        for (idx, joint) in self.joints.iter().enumerate() {
+        let mut steps: Vec<Step> = Vec::with_capacity(self.joints.len());
+        for joint in &self.joints {
+            let of = |values: &[f64]| joint.multiplier * values[joint.q_idx];
+            let (value, speed, change) = (of(q) + joint.offset, of(dq), of(ddq));
+            // A base that is pushed up feels what gravity does.
+            let still = (Vector3::zeros(), Vector3::zeros(), axis * GRAVITY);
+            let (omega, alpha, acceleration) = joint.parent.map_or(still, |parent| {
+                let Step { omega, alpha, acceleration, .. } = &steps[parent];
+                (*omega, *alpha, *acceleration)
+            });
             let (mut rotation, mut translation) = (joint.rotation, joint.translation);
             if joint.is_revolute {
-                let (sin, cos) = q[idx].sin_cos();
+                let (sin, cos) = value.sin_cos();
                 let (x, y): (Vector3<f64>, Vector3<f64>) = (rotation.column(0).into(), rotation.column(1).into());
                 rotation.set_column(0, &(x * cos + y * sin));
                 rotation.set_column(1, &(y * cos - x * sin));
             } else {
-                translation += rotation.column(2) * q[idx];
+                translation += rotation.column(2) * value;
             }
-            acceleration = rotation.tr_mul(&(acceleration + alpha.cross(&translation) + omega.cross(&omega.cross(&translation))));
-            (omega, alpha) = (rotation.tr_mul(&omega), rotation.tr_mul(&alpha));
+            let mut acceleration =
+                rotation.tr_mul(&(acceleration + alpha.cross(&translation) + omega.cross(&omega.cross(&translation))));
+            let (mut omega, mut alpha) = (rotation.tr_mul(&omega), rotation.tr_mul(&alpha));
             if joint.is_revolute {
-                alpha += axis * ddq[idx] + omega.cross(&axis) * dq[idx];
-                omega += axis * dq[idx];
+                alpha += axis * change + omega.cross(&axis) * speed;
+                omega += axis * speed;
             } else {
-                acceleration += axis * ddq[idx] + omega.cross(&axis) * (2.0 * dq[idx]);
+                acceleration += axis * change + omega.cross(&axis) * (2.0 * speed);
             }
             let body = &joint.body;
             let force = (acceleration + alpha.cross(&body.centre) + omega.cross(&omega.cross(&body.centre))) * body.mass_kg;
             let moment = body.inertia * alpha + omega.cross(&(body.inertia * omega)) + body.centre.cross(&force);
-            steps.push(Step { rotation, translation, force, moment });
+            steps.push(Step { rotation, translation, force, moment, omega, alpha, acceleration });
         }
         let mut torques = vec![0.0; n];
-        let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
-        for (idx, step) in steps.iter().enumerate().rev() {
-            force += step.force;
-            moment += step.moment;
-            torques[idx] = if self.joints[idx].is_revolute { moment.z } else { force.z };
-            force = step.rotation * force;
-            moment = step.rotation * moment + step.translation.cross(&force);
+        for (idx, joint) in self.joints.iter().enumerate().rev() {
+            let Step { rotation, translation, force, moment, .. } = &steps[idx];
+            // What a mimicking joint needs is felt by the one that it follows.
+            torques[joint.q_idx] += joint.multiplier * if joint.is_revolute { moment.z } else { force.z };
+            if let Some(parent) = joint.parent {
+                let force = rotation * force;
+                let moment = rotation * moment + translation.cross(&force);
+                steps[parent].force += force;
+                steps[parent].moment += moment;
+            }
         }
         torques
     }
