@@ -361,7 +361,7 @@ fn commands(kind: Kind, start: &[f64], model: &RobotModel, n: usize, scene: &mut
 }
 
 /// Speed of the one joint that is asked to be too fast, share of its limit, over the periods in which source and joint go the same
-/// way, the joint has had time to reach its speed, and nothing is near.
+/// way, the joint has had time to reach its speed and has room to keep it, and nothing is near.
 fn racing_share(log: &[Vec<f64>], commands: &[Command], is_near: &[bool], chain: &sfg_kinematics::Chain) -> Option<f64> {
     let asked = |period: usize| commands[period].as_ref().map(|(q, _)| q.as_slice());
     let joint = (0..chain.n_joints()).find(|i| asked(0).zip(asked(10)).is_some_and(|(a, b)| a[*i] != b[*i]))?;
@@ -373,11 +373,11 @@ fn racing_share(log: &[Vec<f64>], commands: &[Command], is_near: &[bool], chain:
     for period in 1..commands.len() {
         let source = asked(period)?[joint] - asked(period - 1)?[joint];
         let ahead = asked(period)?[joint] - log[period + 2][joint];
-        same = if source * ahead > 0.0 && ahead.abs() > 0.5 * limits.velocity * limits.velocity / limits.acceleration {
-            same + 1
-        } else {
-            0
-        };
+        let q = log[period + 2][joint];
+        let room = if source > 0.0 { limits.upper - q } else { q - limits.lower };
+        let braking = 0.5 * limits.velocity * limits.velocity / limits.acceleration;
+        let is_free = source * ahead > 0.0 && ahead.abs() > braking && room > 2.0 * braking;
+        same = if is_free { same + 1 } else { 0 };
         if is_near[period] {
             same = 0;
         }

@@ -279,7 +279,10 @@ mod tests {
         refuse(&shape("<sphere radius='1'/>", "<origin xyz='nan 0 0'/>"), "collision origin");
         // Nothing reads it, so that it need not be there.
         let mesh = load(&shape("<mesh filename='package://nowhere/arm.stl'/>", "")).unwrap();
-        assert_eq!(mesh.links[0].collision[0].shape, Shape::Mesh { file: "package://nowhere/arm.stl".to_owned(), scale: sfg_types::Vector::repeat(1.0) });
+        assert_eq!(
+            mesh.links[0].collision[0].shape,
+            Shape::Mesh { file: "package://nowhere/arm.stl".to_owned(), scale: sfg_types::Vector::repeat(1.0) }
+        );
     }
 
     #[test]

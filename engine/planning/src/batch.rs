@@ -208,9 +208,9 @@ impl Batch {
         reaches
     }
 
-    /// Whether everything is farther than `distance_m` apart in all of these configurations.
-    pub(crate) fn is_clear_at(&self, configurations: &[&[f64]], distance_m: f32) -> bool {
-        configurations.chunks(N_LANES).all(|eight| !any_contact_at(self, eight, distance_m))
+    /// Whether all bodies are farther than `ball` from what stands still and than `pair` from each other in all of these configurations.
+    pub(crate) fn is_clear_at(&self, configurations: &[&[f64]], ball: f32, pair: f32) -> bool {
+        configurations.chunks(N_LANES).all(|eight| !any_contact_at(self, eight, Moved { ball, pair }))
     }
 
     /// Whether the straight way from `a` to `b` is free when looked at every `step_rad`, ends included.
@@ -268,9 +268,9 @@ fn any_contact_between(batch: &Batch, a: &[f64], b: &[f64], n_blocks: usize) -> 
     None
 }
 
-/// Whether anything comes nearer than `distance_m` in any of at most eight configurations.
+/// Whether anything comes nearer than `apart` in any of at most eight configurations.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2+fma", "x86_64+avx2+fma"))]
-fn any_contact_at(batch: &Batch, configurations: &[&[f64]], distance_m: f32) -> bool {
+fn any_contact_at(batch: &Batch, configurations: &[&[f64]], apart: Moved) -> bool {
     let n = configurations[0].len();
     let mut q = [Lanes::splat(0.0); MAX_JOINTS];
     for lane in 0..N_LANES {
@@ -280,7 +280,7 @@ fn any_contact_at(batch: &Batch, configurations: &[&[f64]], distance_m: f32) -> 
             lane_q.0[lane] = *value as f32;
         }
     }
-    touches(batch, &q[..n], Moved { ball: distance_m, pair: distance_m })
+    touches(batch, &q[..n], apart)
 }
 
 /// Bounds of a motion, metres.

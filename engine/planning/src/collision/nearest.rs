@@ -2,6 +2,7 @@
 
 use super::{CollisionModel, Contact, Fixed, Moving, POINTS, near};
 use crate::shapes::signed_distance_m;
+use sfg_kinematics::ChainJoint;
 use sfg_types::{Point, Pose, Vector};
 
 /// One ball of what moves, and something near it.
@@ -38,7 +39,8 @@ impl CollisionModel {
         let mut nearest = self.near(&frames, within_m);
         nearest.sort_by(|a, b| a.gap_m.total_cmp(&b.gap_m));
         nearest.truncate(n);
-        nearest.iter().map(|near| Gap { gap_m: near.gap_m, gradient: self.gradient(&frames, near) }).collect()
+        let axes = self.axes(&frames);
+        nearest.iter().map(|near| Gap { gap_m: near.gap_m, gradient: self.gradient(&frames, &axes, near) }).collect()
     }
 
     /// The smallest gap below `within_m` in configuration `q`.
@@ -51,52 +53,72 @@ impl CollisionModel {
     fn near(&self, frames: &[Pose], within_m: f64) -> Vec<Near<'_>> {
         let mut found = Vec::new();
         let (clearance, own_clearance) = (self.settings.clearance_m, self.settings.self_clearance_m);
-        for (idx, body) in self.moving.iter().enumerate() {
-            let to_base = &frames[body.frame_idx];
-            let centre = to_base * body.bound.0;
-            let obstacles = self.obstacles.iter().filter(|o| !self.allows(body.group, &o.name)).map(|o| (o, clearance));
-            let own = self
-                .own_bodies
-                .iter()
-                .enumerate()
-                .filter(|(own_idx, _)| !self.ignored[idx][*own_idx])
-                .map(|(_, o)| (o, own_clearance));
-            for (fixed, margin) in obstacles.chain(own) {
-                if !near(&centre, body.bound.1 + margin + within_m, fixed) {
+        let centres: Vec<Point> = self.moving.iter().map(|body| frames[body.frame_idx] * body.bound.0).collect();
+        for cluster in &self.clusters {
+            let to_base = &frames[cluster.frame_idx];
+            let (centre, reach) = (to_base * cluster.bound.0, cluster.bound.1);
+            let bodies = || cluster.bodies.clone().map(|idx| (idx, &self.moving[idx]));
+            let obstacles = self.obstacles.iter().map(|obstacle| (obstacle, clearance, None));
+            let own = self.own_bodies.iter().enumerate().map(|(own_idx, own)| (own, own_clearance, Some(own_idx)));
+            for (fixed, margin, own_idx) in obstacles.chain(own) {
+                if !near(&centre, reach + margin + within_m, fixed) {
                     continue;
                 }
-                let gap = |ball: &(Point, f64)| {
-                    signed_distance_m(&fixed.shape, &(fixed.shape_from_base * (to_base * ball.0))) - ball.1 - margin
-                };
-                found.extend(smallest(body, within_m, gap, |_| Other::Fixed(fixed)));
+                let to_shape = fixed.shape_from_base * to_base;
+                for (idx, body) in bodies() {
+                    let may_touch =
+                        own_idx.map_or_else(|| self.allows(body.group, &fixed.name), |own_idx| self.ignored[idx][own_idx]);
+                    if may_touch || !near(&centres[idx], body.bound.1 + margin + within_m, fixed) {
+                        continue;
+                    }
+                    let gap = |ball: &(Point, f64)| signed_distance_m(&fixed.shape, &(to_shape * ball.0)) - ball.1 - margin;
+                    found.extend(
+                        smallest(body, within_m, gap).map(|(ball, gap_m)| self.near_of(gap_m, idx, ball, Other::Fixed(fixed))),
+                    );
+                }
             }
-            for (other_idx, other) in self.moving[..idx].iter().enumerate().filter(|(other_idx, _)| self.guarded[idx][*other_idx])
-            {
-                debug_assert!(other_idx < idx);
+            for other in self.clusters.iter().take_while(|o| o.bodies.start < cluster.bodies.start) {
                 let other_to_base = &frames[other.frame_idx];
-                let bounds = (centre - other_to_base * other.bound.0).norm() - body.bound.1 - other.bound.1;
-                if bounds > within_m + own_clearance {
+                let apart = (centre - other_to_base * other.bound.0).norm();
+                if apart > reach + other.bound.1 + own_clearance + within_m {
                     continue;
                 }
-                for against in &other.spheres {
-                    let place = other_to_base * against.0;
-                    let gap = |ball: &(Point, f64)| (to_base * ball.0 - place).norm() - ball.1 - against.1 - own_clearance;
-                    found.extend(smallest(body, within_m, gap, |_| Other::Moving(other, against)));
+                for (idx, body) in bodies() {
+                    for other_idx in other.bodies.clone().filter(|other_idx| self.guarded[idx][*other_idx]) {
+                        let against = &self.moving[other_idx];
+                        let bounds = (centres[idx] - centres[other_idx]).norm() - body.bound.1 - against.bound.1;
+                        if bounds > within_m + own_clearance {
+                            continue;
+                        }
+                        let of_pair = against.spheres.iter().filter_map(|second| {
+                            let place = other_to_base * second.0;
+                            let gap = |ball: &(Point, f64)| (to_base * ball.0 - place).norm() - ball.1 - second.1 - own_clearance;
+                            smallest(body, within_m, gap).map(|(ball, gap_m)| (ball, second, gap_m))
+                        });
+                        if let Some((ball, second, gap_m)) = of_pair.min_by(|a, b| a.2.total_cmp(&b.2)) {
+                            found.push(self.near_of(gap_m, idx, ball, Other::Moving(against, second)));
+                        }
+                    }
                 }
             }
-            if let Some(points) = self.points.as_ref().filter(|_| !self.allows(body.group, POINTS)) {
+            let Some(points) = &self.points else { continue };
+            for (idx, body) in bodies().filter(|(_, body)| !self.allows(body.group, POINTS)) {
                 let gap = |ball: &(Point, f64)| {
                     let depth = points.depth_m(&(to_base * ball.0), ball.1 + clearance + within_m);
                     depth.map_or(f64::INFINITY, |depth| within_m - depth)
                 };
-                found.extend(smallest(body, within_m, gap, |_| Other::Points));
+                found.extend(smallest(body, within_m, gap).map(|(ball, gap_m)| self.near_of(gap_m, idx, ball, Other::Points)));
             }
         }
         found
     }
 
+    fn near_of<'a>(&'a self, gap_m: f64, idx: usize, ball: &'a (Point, f64), other: Other<'a>) -> Near<'a> {
+        Near { gap_m, body: &self.moving[idx], ball, other }
+    }
+
     /// Change of a gap with each joint: both balls move with the joints before them.
-    fn gradient(&self, frames: &[Pose], near: &Near<'_>) -> Vec<f64> {
+    fn gradient(&self, frames: &[Pose], axes: &[Axis], near: &Near<'_>) -> Vec<f64> {
         let centre = frames[near.body.frame_idx] * near.ball.0;
         let normal = match &near.other {
             Other::Fixed(fixed) => slope(&centre, |p| signed_distance_m(&fixed.shape, &(fixed.shape_from_base * p))),
@@ -110,29 +132,29 @@ impl CollisionModel {
             }
         };
         let mut gradient = vec![0.0; self.chain.n_joints()];
-        self.add_motion(frames, near.body.frame_idx, &centre, &normal, &mut gradient);
+        add_motion(axes, near.body.frame_idx, &centre, &normal, &mut gradient);
         if let Other::Moving(other, ball) = &near.other {
-            self.add_motion(frames, other.frame_idx, &(frames[other.frame_idx] * ball.0), &-normal, &mut gradient);
+            add_motion(axes, other.frame_idx, &(frames[other.frame_idx] * ball.0), &-normal, &mut gradient);
         }
         gradient
     }
 
-    /// Adds how far a point of link `frame_idx` moves along `direction` with each joint.
-    fn add_motion(&self, frames: &[Pose], frame_idx: usize, point: &Point, direction: &Vector, gradient: &mut [f64]) {
-        for joint_idx in std::iter::successors(Some(frame_idx), |idx| self.chain.joint(*idx).parent) {
-            let joint = self.chain.joint(joint_idx);
-            let base_from_axis = frames[joint_idx] * joint.axis_from_link.inverse();
-            let axis = base_from_axis * Vector::z();
-            let arm = point - base_from_axis * Point::origin();
-            let along = if joint.is_revolute { axis.cross(&arm).dot(direction) } else { axis.dot(direction) };
-            gradient[joint.q_idx] += joint.multiplier * along;
-        }
+    fn axes(&self, frames: &[Pose]) -> Vec<Axis> {
+        (0..self.chain.link_names.len())
+            .map(|idx| {
+                let joint = self.chain.joint(idx);
+                let base_from_axis = frames[idx] * joint.axis_from_link.inverse();
+                let (direction, origin) = (base_from_axis * Vector::z(), base_from_axis * Point::origin());
+                Axis { joint, direction, origin }
+            })
+            .collect()
     }
 
-    /// Whether nothing comes nearer than `distance_m` beyond its clearance in any of these configurations, eight at a time.
+    /// Whether in all of these configurations everything is farther than `distance_m` beyond its clearance from what stands still, and
+    /// than `pair_m` from what moves as well. Eight configurations are looked at together.
     #[must_use]
-    pub fn is_clear_at(&self, configurations: &[&[f64]], distance_m: f64) -> bool {
-        self.batch.is_clear_at(configurations, distance_m as f32)
+    pub fn is_clear_at(&self, configurations: &[&[f64]], distance_m: f64, pair_m: f64) -> bool {
+        self.batch.is_clear_at(configurations, distance_m as f32, pair_m as f32)
     }
 
     /// How far what hangs on each joint can be moved by a radian (or metre) of it, metres.
@@ -163,15 +185,28 @@ impl CollisionModel {
     }
 }
 
+/// A joint's axis in the base frame.
+struct Axis {
+    joint: ChainJoint,
+    direction: Vector,
+    origin: Point,
+}
+
+/// Adds how far a point of link `frame_idx` moves along `direction` with each joint.
+fn add_motion(axes: &[Axis], frame_idx: usize, point: &Point, direction: &Vector, gradient: &mut [f64]) {
+    let mut at = Some(frame_idx);
+    while let Some(idx) = at {
+        let Axis { joint, direction: axis, origin } = &axes[idx];
+        let along = if joint.is_revolute { axis.cross(&(point - origin)).dot(direction) } else { axis.dot(direction) };
+        gradient[joint.q_idx] += joint.multiplier * along;
+        at = joint.parent;
+    }
+}
+
 /// The ball of a body with the smallest gap, if it is below `within_m`.
-fn smallest<'a>(
-    body: &'a Moving,
-    within_m: f64,
-    gap: impl Fn(&(Point, f64)) -> f64,
-    other: impl Fn(&(Point, f64)) -> Other<'a>,
-) -> Option<Near<'a>> {
-    let (ball, gap_m) = body.spheres.iter().map(|ball| (ball, gap(ball))).min_by(|a, b| a.1.total_cmp(&b.1))?;
-    (gap_m < within_m).then(|| Near { gap_m, body, ball, other: other(ball) })
+fn smallest(body: &Moving, within_m: f64, gap: impl Fn(&(Point, f64)) -> f64) -> Option<(&(Point, f64), f64)> {
+    let nearest = body.spheres.iter().map(|ball| (ball, gap(ball))).min_by(|a, b| a.1.total_cmp(&b.1))?;
+    (nearest.1 < within_m).then_some(nearest)
 }
 
 /// Direction in which a distance grows.
@@ -213,10 +248,10 @@ mod tests {
             let q = random_q(collision.chain(), &mut rng);
             let Some(gap) = collision.gaps(&q, 0.05, 1).pop() else { continue };
             assert_eq!(collision.least_gap_m(&q, 0.05), Some(gap.gap_m));
-            assert_eq!(collision.is_clear_at(&[&q], 0.0), gap.gap_m > 0.0, "{gap:?}");
+            assert_eq!(collision.is_clear_at(&[&q], 0.0, 0.0), gap.gap_m > 0.0, "{gap:?}");
             if gap.gap_m > 1e-5 {
-                assert!(collision.is_clear_at(&[&q], gap.gap_m - 1e-5), "{gap:?}");
-                assert!(!collision.is_clear_at(&[&q], gap.gap_m + 1e-5), "{gap:?}");
+                assert!(collision.is_clear_at(&[&q], gap.gap_m - 1e-5, gap.gap_m - 1e-5), "{gap:?}");
+                assert!(!collision.is_clear_at(&[&q], gap.gap_m + 1e-5, gap.gap_m + 1e-5), "{gap:?}");
             }
             for joint in 0..q.len() {
                 let moved = |step: f64| {

@@ -51,6 +51,10 @@ pub(crate) struct Window {
     pub(crate) high: f64,
 }
 
+/// A place of rest this near to the one asked for is that one, radians.
+const REST_TOLERANCE: f64 = 1e-11;
+const MOST_CUTS: usize = 40;
+
 impl Brake {
     pub(crate) fn new(limits: &JointLimits, period_secs: f64) -> Self {
         Self { period_secs, v_max: limits.velocity, a_max: limits.acceleration, a_step: limits.jerk * period_secs }
@@ -161,13 +165,27 @@ impl Brake {
 
     /// The acceleration between `good` and `bad` that is nearest to `bad` and does not bring the place of rest beyond `rest`.
     fn last_before(&self, at: &Moving, rest: f64, good: f64, bad: f64) -> f64 {
-        let (mut good, mut bad) = (good, bad);
         let sign = (bad - good).signum();
-        // The place of rest moves with the acceleration: halving ends within a billionth of the window.
-        for _ in 0..30 {
-            let middle = 0.5 * (good + bad);
-            if sign * (self.rest_after(at, middle) - rest) <= 0.0 { good = middle } else { bad = middle }
+        let beyond = |a: f64| sign * (self.rest_after(at, a) - rest);
+        let (mut good, mut bad) = ((good, beyond(good)), (bad, beyond(bad)));
+        // The place of rest moves with the acceleration: regula falsi, halving weights that stay (Dowell and Jarratt's Illinois).
+        for _ in 0..MOST_CUTS {
+            if good.1 > -REST_TOLERANCE || (bad.0 - good.0).abs() < 1e-9 * self.a_step {
+                break;
+            }
+            let cut = good.0 - good.1 * (bad.0 - good.0) / (bad.1 - good.1);
+            // Just on the good side, so that this end moves too.
+            let cut = cut + 1e-3 * (good.0 - cut);
+            let value = beyond(cut);
+            if value <= 0.0 {
+                good = (cut, value);
+                bad.1 *= 0.5;
+            } else {
+                bad = (cut, value);
+                good.1 *= 0.5;
+            }
         }
+        let good = good.0;
         good
     }
 

@@ -67,8 +67,12 @@ pub struct SafetyFilter {
     period_secs: f64,
     world: Option<CollisionModel>,
     reaches_m: Vec<f64>,
+    /// Joint by joint: which tips it moves.
+    moves_tip: Vec<Vec<bool>>,
     at: Vec<Moving>,
     wanted_before: Option<Vec<f64>>,
+    /// What the arm is kept from touching now.
+    touching: Option<Intervention>,
     /// Distance that is kept from things, metres.
     kept_m: f64,
     is_new_world: bool,
@@ -111,6 +115,7 @@ impl SafetyFilter {
         let brakes = chain.limits.iter().map(|limits| Brake::new(limits, period_secs)).collect();
         let reaches_m = reaches_m(&chain);
         let settings_step_m = settings.look_step_m;
+        let moves_tip = (0..q.len()).map(|idx| (0..chain.n_tips()).map(|tip| chain.moves_tip(idx, tip)).collect()).collect();
         let mut filter = Self {
             chain,
             settings,
@@ -118,8 +123,10 @@ impl SafetyFilter {
             period_secs,
             world: None,
             reaches_m,
+            moves_tip,
             at: Vec::new(),
             wanted_before: None,
+            touching: None,
             kept_m: 0.5 * settings_step_m,
             is_new_world: true,
             follows: Vec::new(),
@@ -221,11 +228,14 @@ impl SafetyFilter {
             .collect();
         self.follows = follows;
         let Some(touched) = self.touched_on_the_way(&accelerations) else {
+            self.touching = None;
             let next = if passes { q.to_vec() } else { self.reached(&accelerations) };
             return self.go(next, Some(dq), broken).changed_from(q);
         };
         self.follows.fill(false);
-        let why = broken.unwrap_or_else(|| self.name_touch(touched));
+        // Named once, as long as it lasts.
+        let why = self.touching.take().unwrap_or_else(|| self.name_touch(touched));
+        self.touching = Some(why.clone());
         match self.shaped(&accelerations, &windows).filter(|shaped| self.touched_on_the_way(shaped).is_none()) {
             Some(shaped) => self.go(self.reached(&shaped), Some(dq), Some(why)).changed_from(q),
             None => self.brake(Some(why)).changed_from(q),
@@ -289,19 +299,22 @@ impl SafetyFilter {
     /// The way to rest after one period with these accelerations.
     fn way_to_rest(&self, accelerations: &[f64]) -> Way {
         let mut at: Vec<Moving> = self.at.iter().zip(accelerations).map(|(at, a)| at.next(*a, self.period_secs)).collect();
-        let mut way = Way { n_joints: at.len(), q: at.iter().map(|at| at.q).collect(), moved_m: vec![0.0] };
-        let mut moved_m = 0.0;
+        let mut way = Way::from(at.iter().map(|at| at.q).collect());
+        let mut by_tip = vec![0.0; self.chain.n_tips()];
         while !at.iter().all(Moving::is_at_rest) {
-            for ((at, brake), reach_m) in at.iter_mut().zip(&self.brakes).zip(&self.reaches_m) {
+            by_tip.fill(0.0);
+            let mut all_m = 0.0;
+            for (idx, at) in at.iter_mut().enumerate() {
                 if at.is_at_rest() {
                     continue;
                 }
-                let next = braked(brake, at);
-                moved_m += (next.q - at.q).abs() * reach_m;
+                let next = braked(&self.brakes[idx], at);
+                let moved_m = (next.q - at.q).abs() * self.reaches_m[idx];
+                all_m += moved_m;
+                by_tip.iter_mut().zip(&self.moves_tip[idx]).for_each(|(sum, moves)| *sum += if *moves { moved_m } else { 0.0 });
                 *at = next;
             }
-            way.q.extend(at.iter().map(|at| at.q));
-            way.moved_m.push(moved_m);
+            way.push(at.iter().map(|at| at.q), by_tip.iter().copied().fold(0.0, f64::max), all_m);
         }
         way
     }
@@ -373,8 +386,8 @@ impl SafetyFilter {
                 return None;
             }
             // No wall is met before the palm has moved as far as it is away.
-            let reached_m = way.moved_m[idx] + room_m.max(0.0);
-            idx = way.moved_m.partition_point(|moved_m| *moved_m < reached_m).clamp(idx + 1, way.len() - 1);
+            let reached_m = way.ball_moved_m[idx] + room_m.max(0.0);
+            idx = way.ball_moved_m.partition_point(|moved_m| *moved_m < reached_m).clamp(idx + 1, way.len() - 1);
         }
     }
 
