@@ -185,8 +185,7 @@ impl Brake {
                 good.1 *= 0.5;
             }
         }
-        let good = good.0;
-        good
+        good.0
     }
 
     /// Period of control.
