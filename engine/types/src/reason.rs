@@ -49,7 +49,7 @@ reasons! {
     TargetNotFound "target_not_found" "The object the task acts on is not in the scene.";
     NothingPoured "nothing_poured" "The full tilt was reached and the target did not fill.";
     Timeout "timeout" "The time given in the scenario was used up.";
-    LimitViolated "limit_violated" "A command would have left the joint, speed or workspace limits; the engine stopped the robot.";
+    LimitViolated "limit_violated" "A command was so far outside the joint, speed, workspace or distance limits that little of it was left; the engine brought the arm to rest.";
     EmergencyStop "emergency_stop" "The emergency stop was requested.";
     PluginFailed "plugin_failed" "A plugin returned an error.";
     DriverFailed "driver_failed" "The driver returned an error.";

@@ -167,3 +167,19 @@ fn a_robot_of_boxes_and_meshes_is_covered_with_balls() {
     write("text.urdf", &urdf("text.stl"));
     sfg(folder.path(), &["robot", "spheres", "text.urdf"]).refused(2, &["link \"arm\"", "text.stl"]);
 }
+
+#[test]
+fn hostile_commands_are_sent_through_the_safety_filter_and_judged() {
+    let folder = folder();
+    let args = ["safety", "bench", "--n", "8", "--plans", "1", "--secs", "0.1", "--json", "out.json"];
+    let said = sfg(folder.path(), &args).ended_with(0).stdout;
+    assert!(said.contains("8 hostile trajectories of 0.1 s") && said.contains("distance): 0 (95 % interval"), "{said}");
+    let figures = read_json(&folder.path().join("out.json"));
+    let hostile = figures["hostile"].as_array().unwrap();
+    let kinds: std::collections::BTreeSet<&str> = hostile.iter().map(|one| one["kind"].as_str().unwrap()).collect();
+    assert_eq!(kinds.len(), 8, "{kinds:?}");
+    assert!(hostile.iter().filter(|one| one["n_interventions"].as_u64().unwrap() > 0).count() >= 6, "{figures}");
+    assert_eq!(figures["planned"].as_array().unwrap().len(), 1);
+    sfg(folder.path(), &["safety", "bench", "--secs", "0"]).refused(2, &["--secs 0", "expected more than 0"]);
+    sfg(folder.path(), &["safety", "bench", "--robot", "curry"]).refused(2, &["no robot is called \"curry\"", "curi"]);
+}

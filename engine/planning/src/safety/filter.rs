@@ -98,6 +98,8 @@ const ROUNDING_M: f64 = 1e-6;
 /// Things that are nearer than this are looked at one by one, so many times on the way to rest at most.
 const LEAST_KEPT_M: f64 = 2e-4;
 const MOST_LOOKS: usize = 24;
+/// Longest way to rest, periods.
+const MOST_PERIODS: usize = 100_000;
 
 impl SafetyFilter {
     /// For an arm at rest at `q`, commanded every `period_secs`.
@@ -301,7 +303,8 @@ impl SafetyFilter {
         let mut at: Vec<Moving> = self.at.iter().zip(accelerations).map(|(at, a)| at.next(*a, self.period_secs)).collect();
         let mut way = Way::from(at.iter().map(|at| at.q).collect());
         let mut by_tip = vec![0.0; self.chain.n_tips()];
-        while !at.iter().all(Moving::is_at_rest) {
+        // Braking ends by itself; a filter must end whatever happens.
+        while !at.iter().all(Moving::is_at_rest) && way.len() < MOST_PERIODS {
             by_tip.fill(0.0);
             let mut all_m = 0.0;
             for (idx, at) in at.iter_mut().enumerate() {
@@ -465,6 +468,7 @@ impl SafetyFilter {
 
     /// One period further on the way to rest.
     fn brake(&mut self, why: Option<Intervention>) -> Sent {
+        self.follows.fill(false);
         let next = self.at.iter().zip(&self.brakes).map(|(at, brake)| braked(brake, at).q).collect();
         self.go(next, None, why)
     }
