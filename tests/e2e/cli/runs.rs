@@ -159,7 +159,8 @@ fn a_killed_run_misses_a_second_at_most_and_can_be_recovered() {
         let last = stages.filter_map(|line| line.split_whitespace().next()?.parse::<f64>().ok()).next_back().unwrap_or(stamps);
         let said = sfg(folder.path(), &["log", "recover", "out"]).ended_with(0).stdout;
         let topics = recording::messages(&folder.path().join("out/run.recovered.mcap"));
-        let end = topics["/robot"].last().unwrap()["stamp_secs"].as_f64().unwrap();
+        // A run that was killed in its first second may have recorded nothing.
+        let end = topics.get("/robot").map_or(0.0, |robot| robot.last().unwrap()["stamp_secs"].as_f64().unwrap());
         assert!(end >= last - 1.0, "recorded up to {end} s, the run said something at {last} s: {said}");
         let bytes = fs::read(folder.path().join("out/run.recovered.mcap")).unwrap();
         let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
