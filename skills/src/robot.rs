@@ -297,7 +297,19 @@ impl Robot {
         self.send(arm, hand)
     }
 
+    /// A driver that fails is stopped by its own means: it may not take the ramp either.
     fn send(&mut self, arm: Option<(Vec<f64>, Vec<f64>)>, hand: HandCommand) -> Result<(), RobotError> {
+        let sent = self.send_filtered(arm, hand);
+        if matches!(sent, Err(RobotError::Driver(_))) && !self.is_driver_stopped {
+            self.arm_filter.stop();
+            self.is_driver_stopped = true;
+            // Its first failure is what is told.
+            drop(self.driver.stop());
+        }
+        sent
+    }
+
+    fn send_filtered(&mut self, arm: Option<(Vec<f64>, Vec<f64>)>, hand: HandCommand) -> Result<(), RobotError> {
         if self.is_driver_stopped {
             self.driver.advance()?;
             self.state = self.driver.state()?;
@@ -378,11 +390,7 @@ impl Robot {
     pub fn stop_and_wait(&mut self) -> Result<(), RobotError> {
         self.stop()?;
         while !self.is_driver_stopped {
-            if let Err(error) = self.advance() {
-                self.is_driver_stopped = true;
-                self.driver.stop()?;
-                return Err(error);
-            }
+            self.advance()?;
         }
         Ok(())
     }
@@ -401,4 +409,113 @@ impl Robot {
 /// Distances that the filter keeps: those of the planner but for its clearance, so that what was planned passes.
 fn guarding() -> CollisionSettings {
     CollisionSettings { clearance_m: 0.0, self_clearance_m: 0.0, ..CollisionSettings::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+    use super::*;
+    use sfg_plugin::DriverInfo;
+    use sfg_types::HandFeedback;
+    use std::path::Path;
+    use std::sync::{Arc, Mutex};
+
+    /// What reached the driver, and after how many commands it fails.
+    #[derive(Default)]
+    struct Seen {
+        commands: Vec<RobotCommand>,
+        n_stops: usize,
+        fails_after: Option<usize>,
+    }
+
+    /// An arm that is where it was sent.
+    struct Perfect {
+        seen: Arc<Mutex<Seen>>,
+        state: RobotState,
+    }
+
+    impl Driver for Perfect {
+        fn info(&self) -> DriverInfo {
+            DriverInfo { name: "perfect".to_owned(), period_secs: 0.004, side: HandSide::Left }
+        }
+        fn observe(&mut self) -> Result<Observation, PluginError> {
+            Ok(Observation::default())
+        }
+        fn state(&mut self) -> Result<RobotState, PluginError> {
+            Ok(self.state.clone())
+        }
+        fn command(&mut self, command: &RobotCommand) -> Result<(), PluginError> {
+            let mut seen = self.seen.lock().unwrap();
+            if seen.fails_after.is_some_and(|n| seen.commands.len() >= n) {
+                return Err(PluginError::Failed { plugin: "perfect".to_owned(), message: "no answer".to_owned() });
+            }
+            seen.commands.push(command.clone());
+            self.state.q.clone_from(&command.q);
+            Ok(())
+        }
+        fn advance(&mut self) -> Result<(), PluginError> {
+            self.state.stamp_secs += 0.004;
+            Ok(())
+        }
+        fn stop(&mut self) -> Result<(), PluginError> {
+            self.seen.lock().unwrap().n_stops += 1;
+            Ok(())
+        }
+    }
+
+    /// A robot whose first joint has moved for 50 periods, up to 0.4 rad/s.
+    fn moving() -> (Robot, Arc<Mutex<Seen>>, Vec<f64>) {
+        let model = RobotModel::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/robots/curi.yaml")).unwrap();
+        let home = model.left.home_q.clone();
+        let seen = Arc::new(Mutex::new(Seen::default()));
+        let state = RobotState { q: home.clone(), dq: vec![0.0; 7], hand: HandFeedback::default(), ..RobotState::default() };
+        let state = RobotState { side: HandSide::Left, ..state };
+        let driver = Perfect { seen: Arc::clone(&seen), state };
+        let synergy = SynergySpace::new(model.hand_profile.as_ref().unwrap()).unwrap();
+        let mut robot = Robot::new(Box::new(driver), model, synergy, FilterSettings::default(), 1.0).unwrap();
+        for period in 1..=50 {
+            let t = 0.004 * f64::from(period);
+            let mut q = home.clone();
+            q[0] -= t * t;
+            robot.set_arm(q, vec![0.0; 7]);
+            robot.advance().unwrap();
+        }
+        (robot, seen, home)
+    }
+
+    #[test]
+    fn a_stop_ramps_down_and_then_stops_the_driver_once() {
+        let (mut robot, seen, _) = moving();
+        robot.stop().unwrap();
+        assert_eq!(seen.lock().unwrap().n_stops, 0, "it moves");
+        robot.stop_and_wait().unwrap();
+        robot.stop().unwrap();
+        let seen = seen.lock().unwrap();
+        assert!(seen.n_stops == 1 && (52..100).contains(&seen.commands.len()), "{}", seen.commands.len());
+        assert!(robot.is_at_rest() && robot.take_interventions().is_empty());
+    }
+
+    #[test]
+    fn a_driver_that_fails_is_stopped_at_once() {
+        let (mut robot, seen, _) = moving();
+        seen.lock().unwrap().fails_after = Some(50);
+        assert!(matches!(robot.stop_and_wait(), Err(RobotError::Driver(_))));
+        assert_eq!(seen.lock().unwrap().n_stops, 1);
+    }
+
+    #[test]
+    fn a_command_that_is_another_motion_stops_the_arm_on_a_ramp() {
+        for far in [0.5, f64::NAN] {
+            let (mut robot, seen, mut q) = moving();
+            q[0] += far;
+            robot.set_arm(q, vec![0.0; 7]);
+            let error = robot.advance().unwrap_err();
+            assert!(matches!(error, RobotError::Limit(_)) && error.to_string().contains("panda_left_joint1"), "{error}");
+            assert_eq!(robot.take_interventions().len(), 1);
+            robot.stop_and_wait().unwrap();
+            let seen = seen.lock().unwrap();
+            let steps = seen.commands.windows(2).map(|w| (w[1].q[0] - w[0].q[0]).abs());
+            assert!(steps.fold(0.0, f64::max) < 0.004 * 0.5 && seen.n_stops == 1);
+        }
+    }
 }
